@@ -39,7 +39,7 @@ WITHOUT_TORCH = """
 
 LOWEST = """
     tests/geometry/meshes/test_reading.py tests/geometry/meshes/test_body.py
-    tests/geometry/surfaces/test_closed_surface.py tests/optimize/solvers/test_sobolev.py
+    tests/geometry/surfaces/test_closed_surface.py tests/optimize/solvers/test_descent.py
     tests/fabricate/test_engraving.py tests/fabricate/test_file_formats.py
     tests/report/test_charts.py tests/recipe/test_recipe.py tests/recipe/test_pipeline.py
     tests/reference/test_oracle.py tests/concave/test_paper_fill.py

@@ -24,6 +24,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from benchmarks.frame import Report, Watched, panels
+from benchmarks.sampled import lattice_directions, random_directions, sampled_probabilities
 from dicedesign import Body, make_body, read_body, rest_poses
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import signed_solid_angle
@@ -36,7 +37,6 @@ from dicedesign.starts import hendecahedron
 from tests.reference.extremes import large
 from tests.reference.measurement import ORACLE_FACETS
 from tests.reference.oracle import OracleError, hull_probabilities
-from tests.reference.sampled import lattice_directions, random_directions, sampled_probabilities
 from tests.reference.stiff import random_body
 
 DIRECTIONS = (100, 1000, 10_000, 100_000, 1_000_000)

@@ -29,6 +29,7 @@ from scipy.spatial import ConvexHull
 
 from benchmarks.accuracy import stable_poses
 from benchmarks.frame import Report, Watched, panels, time_in_turn
+from benchmarks.sampled import lattice_directions, random_directions
 from dicedesign import (
     RestPoses,
     differentiable_rest,
@@ -47,7 +48,6 @@ from dicedesign.optimize.solvers.candidate import CandidateMaker
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import hendecahedron
 from tests.reference.extremes import large
-from tests.reference.sampled import lattice_directions, random_directions
 
 PAPER = EnergyWeights()
 """The dice energy with the paper's three regularizers (eq. 16)."""
@@ -295,7 +295,7 @@ def peak_memory(work: str) -> float | None:
     code = (
         "import json; from scipy.spatial import ConvexHull; from dicedesign import rest_poses\n"
         "from dicedesign.runtime.clock import peak_megabytes\n"
-        "from tests.reference.sampled import random_directions\n"
+        "from benchmarks.sampled import random_directions\n"
         f"rest_poses(random_directions(20, 0)); points = random_directions({MEMORY_POINTS}, 0)\n"
         f"{work}\nprint(json.dumps(peak_megabytes()))"
     )

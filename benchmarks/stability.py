@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.frame import NoAnswer, Report, Watched
+from benchmarks.stability_suite import stability_cases
+from benchmarks.stiff_designs import DesignProblem
+from benchmarks.watched_design import watch_design
 from tests.reference.measurement import ERROR_LIMIT, OK, Measurement, measure, verdict
-from tests.reference.problem import DesignProblem, Problem, rotate_problem
-from tests.reference.stability_suite import stability_cases
-from tests.reference.watched_design import watch_design
+from tests.reference.problem import Problem, rotate_problem
 
 PATIENCE = 60.0
 """Seconds after which a case counts as hanging; large ones get a millisecond more per point."""

@@ -74,7 +74,8 @@ def test_given_probabilities_of_chosen_poses() -> None:
 
 
 def test_the_unit_does_not_matter_where_a_size_is_given() -> None:
-    options = BalanceOptions(by="cavity", size_mm=60.0, search=QUICK)
+    search = CenterSearch(samples=10, descents=1, steps=5)
+    options = BalanceOptions(by="cavity", size_mm=60.0, search=search)
     balanced = balance_body(leaning(1e-6), Standing(pose=2), options)
     same = balance_body(leaning(), Standing(pose=2), options)
     np.testing.assert_allclose(balanced.probabilities, same.probabilities, atol=1e-4)

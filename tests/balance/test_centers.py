@@ -119,6 +119,7 @@ def test_poses_that_a_body_does_not_have(goal: Standing | GivenProbabilities, sa
         best_center(poses, goal, whole_hull(poses.hull), 1e-3, QUICK)
 
 
+@pytest.mark.full
 def test_the_bunny_has_six_poses_of_nearer_probabilities_and_fewer_others() -> None:
     """Figure 12."""
     poses = rest_poses(read_body(public_data("models/bunny.obj")))

@@ -79,8 +79,8 @@ def test_two_infills() -> None:
     np.testing.assert_allclose(balanced.center, center, atol=1e-5)
     outside, sparse = read(balanced), read(balanced, "_sparse.stl")
     np.testing.assert_allclose(outside.volume, SIZES.prod(), rtol=1e-6)
-    # By cubes of 0.25 mm, with exact depths in a box. The sparse part is convex.
-    axes = [np.arange(0.125, size, 0.25) for size in SIZES]
+    # By cubes of 0.5 mm, with exact depths in a box. The sparse part is convex.
+    axes = [np.arange(0.25, size, 0.5) for size in SIZES]
     cubes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     hull = convex_hull(np.asarray(sparse.vertices), single_precision=True)
     is_sparse = (hull.depths(cubes) > 0.0).all(axis=1)
@@ -93,17 +93,17 @@ def test_a_center_within_reach_can_be_made(way: str) -> None:
     material = BodyMaterial(wall_mm=WALL)
     shifts = reachable_shifts(BLOCK, way, material)
     assert (shifts.heights(np.zeros(3)) > 0.0).all()
-    for direction in ([1.0, 0.2, 0.1], [-0.2, -1.0, 0.4]):
-        toward = shifts.vertices[np.argmax(shifts.vertices @ direction)]
-        center = MIDDLE + 0.6 * toward
-        balanced = move_center(BLOCK, center.astype(np.float64), way, material)
-        np.testing.assert_allclose(balanced.center, center, atol=1e-4)
+    toward = shifts.vertices[np.argmax(shifts.vertices @ [-0.2, -1.0, 0.4])]
+    center = MIDDLE + 0.6 * toward
+    balanced = move_center(BLOCK, center.astype(np.float64), way, material)
+    np.testing.assert_allclose(balanced.center, center, atol=1e-4)
 
 
-@pytest.mark.parametrize("way", ["cavity", "infill"])
-def test_a_center_out_of_reach(way: str) -> None:
+def test_a_center_out_of_reach_of_infill() -> None:
     with pytest.raises(InputError, match=r"expected .* got"):
-        move_center(BLOCK, MIDDLE + np.array([13.0, 0.0, 0.0]), way, BodyMaterial(wall_mm=WALL))
+        move_center(
+            BLOCK, MIDDLE + np.array([13.0, 0.0, 0.0]), "infill", BodyMaterial(wall_mm=WALL)
+        )
 
 
 def test_a_drain_larger_than_any_side() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.bumpy import bent_capsule, bumpy_sphere
+from common.bumpy import bumpy_sphere
 from PIL import Image
 
 from dicedesign.cli.main import main
@@ -23,8 +23,9 @@ def write_obj(path: Path, points: Floats, triangles: Integers) -> Path:
 
 
 def test_an_open_mesh_becomes_a_surface_of_the_same_solid(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr("dicedesign.geometry.surfaces.repair.CELLS", 40)
     original = bumpy_sphere(2)
     broken = write_obj(tmp_path / "broken.obj", original.points, original.triangles[5:])
     out = tmp_path / "whole.glb"
@@ -76,15 +77,3 @@ def test_where_a_repaired_mesh_is_written(
         assert main(["repair", "a.obj", *arguments]) == 0
     written = ("a_repaired.obj", "folder/a_repaired.obj", "new/deep/a.stl")
     assert all(Path(each).is_file() for each in written)
-
-
-def test_repeated_and_flat_triangles_are_removed(tmp_path: Path) -> None:
-    """Mesh with each triangle twice, triangles with a corner twice, and unused points."""
-    original = bent_capsule()
-    flat = original.triangles[:9, [0, 1, 0]]
-    triangles = np.concatenate([original.triangles, flat, original.triangles])
-    points = np.concatenate([original.points, [[9.0, 9.0, 9.0]]])
-    body = read_body(write_obj(tmp_path / "mesh.obj", points, triangles))
-    surface, notes = make_surface(body)
-    assert surface.volume == pytest.approx(original.volume)
-    assert f"left {len(original.triangles)} repeated triangles out" in notes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -70,10 +71,7 @@ def test_bodies_stand_on_the_floor_in_their_poses_apart_from_each_other(
         shapes.append(CrossSection.hull_points(placed[:, :2].tolist()))
     for one, other in combinations(shapes, 2):
         assert (one ^ other).area() == 0.0
-    counts = {
-        name: sum(b["file"] == name for b in answer["bodies"])
-        for name in ("box.stl", "ring.obj", "two.glb", "within/rod.off")
-    }
+    counts = Counter(body["file"] for body in answer["bodies"])
     assert sorted(counts.values()) == [4, 4, 4, 5]
 
 
@@ -82,6 +80,8 @@ def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
 ) -> None:
     out = tmp_path / "room.glb"
     answer = scatter(folder, capsys, "--count", "10", "--out", str(out))
+    assert answer != scatter(folder, capsys, "--count", "10", "--seed", "1", "--out", str(out))
+    assert answer == scatter(folder, capsys, "--count", "10", "--out", str(out))
     read = pygltflib.GLTF2().load(str(out))
     # Three files with one mesh, one with two, and the floor.
     assert len(read.meshes) == 6
@@ -95,31 +95,6 @@ def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
         np.testing.assert_allclose(back @ scene.graph[f"body {k}"][0], body["transform"], atol=1e-6)
     assert scene.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
     np.testing.assert_allclose(scene.extents[[0, 2]], answer["floor"], rtol=1e-6)
-    # All points of a body, through the scene's own graph.
-    points = [
-        trimesh.transform_points(
-            scene.geometry[scene.graph[node][1]].vertices, scene.graph[node][0]
-        )
-        for node in scene.graph.nodes_geometry
-        if node.startswith("body 4")
-    ]
-    body = answer["bodies"][4]
-    mesh, transform = read_body(folder / body["file"]), np.array(body["transform"])
-    expected = trimesh.transform_points(mesh.points, scene.graph["room"][0] @ transform)
-    np.testing.assert_allclose(np.concatenate(points).min(0), expected.min(0), atol=1e-5)
-    np.testing.assert_allclose(np.concatenate(points).max(0), expected.max(0), atol=1e-5)
-
-
-def test_a_room_depends_on_the_seed(
-    tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rooms = [tmp_path / f"{k}.glb" for k in range(3)]
-    first, second, third = (
-        scatter(folder, capsys, "--count", "6", "--seed", seed, "--out", str(out))
-        for seed, out in zip("118", rooms, strict=True)
-    )
-    assert first == second != third
-    assert rooms[0].read_bytes() == rooms[1].read_bytes()
 
 
 def test_all_meshes_are_scaled_to_one_size(

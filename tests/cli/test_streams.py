@@ -1,20 +1,27 @@
-"""Closed and full streams, encodings with few characters, and unexpected errors."""
+"""Closed and full streams, encodings, names of files, unexpected errors, and aligned columns."""
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from contextlib import nullcontext
 from pathlib import Path
 
+import numpy as np
 import pytest
+from common.bodies import write_mesh
 from common.finished import box_file
 from common.kernels import without_kernels
+from common.parsed_html import parse_page
 
 from dicedesign.cli.main import main
-from dicedesign.cli.options import MISSING_KERNELS
+from dicedesign.cli.options import MISSING_KERNELS, text_table
+from dicedesign.errors import printable
+from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.kernels import ops as kernels
+from dicedesign.recipe.reading import read_recipe
 
 
 def run_shell(command: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
@@ -109,6 +116,70 @@ def test_missing_kernels_are_noted_once(tmp_path: Path) -> None:
     # Quick commands print no note, and a closed stderr is no error.
     ended = run_shell("$DICE rest meshes/a.stl && $DICE --version", tmp_path, PYTHONPATH=path)
     assert (ended.returncode, ended.stderr) == (0, b"")
-    for closed in ("2>&-", "2>/dev/full"):
-        ended = run_shell(f"{rest} u{closed[-1]}.csv {closed}", tmp_path, PYTHONPATH=path)
-        assert (ended.returncode, ended.stderr) == (0, b"")
+    ended = run_shell(f"{rest} u.csv 2>/dev/full", tmp_path, PYTHONPATH=path)
+    assert (ended.returncode, ended.stderr) == (0, b"")
+
+
+RECIPE = "name: a\ntarget: {fair: 4}\nsize_mm: 30\nfigures: false\nstart: {mesh: {path: %s}}\n"
+
+NAMES = [os.fsdecode(b"m\xff.stl"), "m\n<b>&.stl", "\x1b[31m.stl"]
+
+
+def tetrahedron(path: Path) -> Path:
+    hull = convex_hull(np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float))
+    plain = path.with_name("plain.stl")
+    write_mesh(plain, hull.vertices, hull.triangles)
+    plain.rename(path)
+    return path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_first_line_has_a_printable_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    assert main(["rest", str(tetrahedron(tmp_path / name))]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith(f"{tmp_path}/{printable(name)}: 4 resting poses")
+    assert printable(name).isprintable()
+
+
+def test_a_recipe_from_a_folder_that_is_not_utf8(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / os.fsdecode(b"d\xff")
+    folder.mkdir()
+    tetrahedron(folder / "m.stl")
+    (folder / "r.yaml").write_text(RECIPE % "m.stl")
+    assert main(["run", str(folder / "r.yaml"), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert r"d\udcff/r.yaml: start.mesh.path: expected a text in UTF-8, got '" in error
+    assert error.count("\n") == 1
+
+
+def test_files_of_a_run_are_utf8(tmp_path: Path) -> None:
+    mesh = tetrahedron(tmp_path / "m\n<b>&.stl")
+    recipe = tmp_path / "r.yaml"
+    recipe.write_text(RECIPE % json.dumps(mesh.name))
+    out = tmp_path / os.fsdecode(b"out\xff")
+    assert main(["run", str(recipe), "--out", str(out)]) == 0
+    assert read_recipe(out / "recipe.yaml").as_dict()["start"] == {
+        "mesh": {"path": str(mesh), "repair": False}
+    }
+    json.loads((out / "result.json").read_bytes().decode("utf-8"))
+    parse_page((out / "report.html").read_bytes().decode("utf-8"))
+
+
+def test_texts_begin_at_the_left_and_numbers_end_at_the_right() -> None:
+    table = text_table(
+        ("name", "", ["one", "fifteen"]),
+        ("count", "d", [np.int64(7), 12345678]),
+        ("left out", "d", None),
+        ("part", ".2f", [0.5, np.float64(10)]),
+        ("limits", ">", ["1 to 2", "-"]),
+        ("", "", ["x", ""]),
+    )
+    assert table.splitlines() == [
+        "name        count   part  limits",
+        "one             7   0.50  1 to 2  x",
+        "fifteen  12345678  10.00       -",
+    ]

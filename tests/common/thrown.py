@@ -59,12 +59,6 @@ def turns_of(states: np.ndarray) -> np.ndarray:
     return Rotation.from_quat(states[:, 3:7], scalar_first=True).as_matrix()
 
 
-def turn_down(direction: ArrayLike) -> np.ndarray:
-    """Quaternion w, x, y, z that turns a direction (3,) of the body down."""
-    turn, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [direction])
-    return turn.as_quat(scalar_first=True)
-
-
 def fits(counts: ArrayLike, probabilities: ArrayLike) -> float:
     """p-value of Pearson's chi-squared test of counts against probabilities."""
     came = np.asarray(counts, dtype=np.float64)

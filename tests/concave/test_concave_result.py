@@ -1,19 +1,66 @@
-"""Ranking of concave dice, and checkpoints of a search."""
+"""Options, ranking and checkpoints of concave dice."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from dicedesign.concave.options import ConcaveOptions
+from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions, HollowOptions
 from dicedesign.concave.result import ConcaveProgress, FilledHull, missing, rank
 from dicedesign.concave.search import checkpoint_bytes, read_checkpoint
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, RecipeError
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.results.parts import Draft
 from dicedesign.results.result import Step
+
+BAD: list[tuple[type, dict[str, Any], str]] = [
+    (ConcaveOptions, {"tolerance": 1.0}, "tolerance: expected a number above 0 and below 1, got 1"),
+    (ConcaveOptions, {"hull": "exact"}, "hull: expected gauss_newton or paper, got 'exact'; cho"),
+    (
+        ConcaveOptions,
+        {"paper": ConcavePaperOptions()},
+        "paper: expected hull: paper or fill: paper with it, got gauss_newton and corr",
+    ),
+    (
+        ConcaveOptions,
+        {"hollow": HollowOptions(), "fill": "paper"},
+        "hollow: expected hull: gauss_newton and fill: correspondence with it, got gauss_n",
+    ),
+    (ConcaveOptions, {"points": 49}, "points: expected at least 50, got 49; raise it"),
+    (ConcaveOptions, {"margin_deg": 90.0}, "margin_deg: expected degrees from 0 to below 90"),
+    (HollowOptions, {"wall_mm": math.nan}, "wall_mm: expected a positive number, got"),
+    (ConcavePaperOptions, {"growth": 1.0}, "paper.growth: expected a number above 1 and at most"),
+]
+
+
+@pytest.mark.parametrize(("kind", "options", "text"), BAD)
+def test_values_out_of_range(kind: type, options: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        kind(**options)
+
+
+def test_a_recipe_sets_the_paper_s_options() -> None:
+    method = {
+        "concave": {
+            "hull": "paper",
+            "fill": "paper",
+            "paper": {"weights": {"barycenter": 0.3}, "bending": 0.5, "power": 3},
+        }
+    }
+    entries = {"name": "die", "target": {"fair": 3}, "start": {"shape": "duck"}, "method": method}
+    options = parse_recipe(entries).method.concave
+    assert options.paper.weights.barycenter == 0.3
+    assert options.paper.weights.apart == ConcavePaperOptions().weights.apart
+    assert (options.paper.bending, options.paper.power) == (0.5, 3)
+    method["concave"]["paper"] = {"weights": {"coplaner": 1.0}}
+    with pytest.raises(RecipeError, match="coplaner"):
+        parse_recipe(entries)
+
 
 OPTIONS = ConcaveOptions(tolerance=0.01, apart_deg=40.0, margin_deg=10.0)
 DIE = Draft(
@@ -40,38 +87,6 @@ def test_larger_violations_rank_lower(name: str, values: tuple[float, ...]) -> N
     far = replace(DIE, displacement=0.2)
     for die in dice[1:]:
         assert rank(far, OPTIONS) < rank(replace(die, displacement=0.001), OPTIONS)
-
-
-def test_violations_add_up() -> None:
-    changes: list[dict[str, float]] = [{"error": 0.03}, {"apart_deg": 10.0}, {"margin_deg": 5.0}]
-    single = [missing(replace(DIE, **change), OPTIONS) for change in changes]
-    np.testing.assert_allclose(single, [2.0, 0.75, 0.5])
-    both = {name: value for change in changes for name, value in change.items()}
-    assert missing(replace(DIE, **both), OPTIONS) == pytest.approx(sum(single))
-
-
-def order(*changes: dict[str, float]) -> list[int]:
-    """Places of dice from the best to the worst."""
-    ranks = [rank(replace(DIE, **change), OPTIONS) for change in changes]
-    return sorted(range(len(ranks)), key=ranks.__getitem__)
-
-
-def test_angles_and_prints_outweigh_some_displacement() -> None:
-    far = {"displacement": 0.04, "apart_deg": 90.0, "margin_deg": 30.0}
-    assert order({"displacement": 0.01}, far, {}) == [0, 1, 2]
-    # Prints beyond their limit do at no displacement, and a file that is wrong is worse still.
-    assert order(
-        {"prints": 0.029, "displacement": 0.01},
-        {"prints": 0.01, "displacement": 0.035},
-        {"prints": 0.029},
-        {"prints": 0.01, "displacement": 0.5},
-        {"prints": 0.031, "displacement": 0.001},
-        {"prints": 1.0, "displacement": 0.001},
-        {"error": 0.011},
-    ) == list(range(7))
-    # Prints that are good enough are equal.
-    good = [replace(DIE, prints=prints) for prints in (0.001, 0.01)]
-    assert rank(good[0], OPTIONS) == rank(good[1], OPTIONS)
 
 
 SEARCH = {"target": "[0.5, 0.5]", "surface": "abc"}

@@ -22,7 +22,6 @@ from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.result import ConcaveDie, ConcaveProgress, missing, rank
 from dicedesign.concave.search import checkpoint_bytes, make_concave_die
 from dicedesign.errors import NoStartError
-from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body, read_stl, stl_bytes
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
@@ -83,14 +82,6 @@ def test_the_die_meets_all_limits(
     assert (best.apart_deg, best.margin_deg) == pytest.approx((apart, margin), abs=0.01)
     assert best.self_intersections == 0
     assert len(intersecting_triangles(die.after.points, die.after.triangles)) == 0
-    assert die.before is surface
-    assert die.after.triangles is surface.triangles
-    hull = convex_hull(die.after.points)
-    assert die.hull_corners == (len(convex_hull(surface.points).vertices), len(hull.vertices))
-    scale = 1e-9 * surface.diagonal
-    np.testing.assert_allclose(
-        np.sort(hull.vertices, axis=0), np.sort(die.hull.vertices, axis=0), atol=scale
-    )
     moved = np.linalg.norm(die.after.points - surface.points, axis=1) / surface.diagonal
     assert best.displacement == pytest.approx(moved.mean(), rel=1e-9)
     # A close die ends the search, and the history is that of the best attempt.
@@ -99,9 +90,6 @@ def test_the_die_meets_all_limits(
     assert die.progress.history == tuple(own)
     assert [step.step for step in own] == list(range(len(own)))
     assert {step.stage for step in own} == {"hull", "fill"}
-    attempts = [step.attempt or 0 for step in steps]
-    assert attempts == sorted(attempts)
-    assert attempts[0] == 1
 
 
 def test_the_die_whose_prints_are_best_is_kept() -> None:
@@ -198,10 +186,7 @@ def test_the_best_attempt_is_kept() -> None:
     assert best
     ranks = [rank(draft, ConcaveOptions()) for draft in best]
     assert ranks == sorted(ranks, reverse=True)
-    tried = {draft.attempt: draft for draft in die.progress.tried}
-    assert {draft.attempt: draft for draft in best}.items() <= tried.items()
-    assert list(tried) == sorted(tried)
-    assert 0.0 < sum(draft.seconds or 0.0 for draft in tried.values()) <= die.progress.seconds
+    assert ranks[-1] == min(rank(draft, ConcaveOptions()) for draft in die.progress.tried)
 
 
 @pytest.mark.parametrize("done", [0, 1])
@@ -221,10 +206,7 @@ def test_a_resumed_search_ends_like_an_uninterrupted_one(done: int) -> None:
 
 def test_a_search_without_a_filled_hull(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(attempt, "fill_by_correspondence", lambda *arguments: None)
-    text = (
-        "start: expected a surface whose hull leads to the target, but none of 1 attempts did; "
-        "allow more with method.concave.attempts"
-    )
+    text = "none of 1 attempts did; allow more with method.concave.attempts"
     attempts: list[ConcaveProgress] = []
     with pytest.raises(NoStartError, match=text):
         make_concave_die(SMALL, HALVES, ConcaveOptions(attempts=1), on_attempt=attempts.append)

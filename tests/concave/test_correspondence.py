@@ -1,4 +1,4 @@
-"""The hull fill by correspondence on small surfaces, and its contacts."""
+"""The hull fill by correspondence on small surfaces, its contacts, and untangled surfaces."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import pytest
 from common.bumpy import ball, bent_capsule, bumpy_sphere, nearby_hull, unit
 from common.dented_cube import dented_cube
 
-from dicedesign.concave import correspondence
 from dicedesign.concave.correspondence import MAX_ROUNDS, Contacts, fill_by_correspondence
 from dicedesign.concave.hull_problem import Elasticity, HeldCorners
+from dicedesign.concave.untangling import untangle
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.surfaces.closed_surface import refine
+from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -126,20 +127,6 @@ def test_hull_and_center_of_mass_are_reached(surface: Surface, amount: float) ->
     assert moved.mean() < 2.0 * amount + 0.05
 
 
-def test_contacts_added_in_parts_lead_to_the_same_fill(monkeypatch: pytest.MonkeyPatch) -> None:
-    surface = unit(bumpy_sphere(3))
-    own = convex_hull(surface.points)
-    sparse = np.arange(0, len(own.vertices), 9)
-    hull = convex_hull(own.vertices[sparse])
-    corners = own.source[sparse][hull.source]
-    at_once, energies = fill(surface, hull, corners, surface.centroid)
-    monkeypatch.setattr(correspondence, "MAX_ADDED", 40)
-    in_parts, more = fill(surface, hull, corners, surface.centroid)
-    assert len(more) > len(energies)
-    np.testing.assert_allclose(in_parts, at_once, atol=1e-3 * surface.diagonal)
-    assert more[-1] == pytest.approx(energies[-1], rel=1e-3)
-
-
 def test_a_cube_with_points_on_its_sides_and_edges_is_filled() -> None:
     surface, _ = refine(dented_cube(), 300)
     surface = unit(surface)
@@ -162,3 +149,31 @@ def test_a_center_of_mass_out_of_reach(surface: Surface, shift: list[float]) -> 
     points, energies = fill(surface, hull, hull.source, surface.centroid + np.array(shift))
     assert points is None
     assert len(energies) <= MAX_ROUNDS
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_triangles_that_are_turned_over_are_parted(seed: int) -> None:
+    """Pairs of neighbors that have changed their places get free places without leaving the hull or
+    moving its corners or the center of mass."""
+    surface = unit(bumpy_sphere(3))
+    hull = nearby_hull(surface, 0.02, seed)
+    held = HeldCorners(Elasticity(surface), convex_hull(surface.points).source[hull.source])
+    fill = fill_by_correspondence(held, hull, surface.centroid, lambda energy: None)
+    assert fill is not None
+    tangled: Floats = fill[0].copy()
+    is_free = ~np.isin(surface.triangles, held.corners).any(axis=1)
+    for triangle in surface.triangles[is_free][[5 * seed, -1 - seed]]:
+        tangled[triangle[:2]] = tangled[triangle[1::-1]]
+    assert len(intersecting_triangles(tangled, surface.triangles)) > 0
+    parted = untangle(held, hull, surface.centroid, tangled)
+    assert parted is not None
+    points, _ = parted
+    assert len(intersecting_triangles(points, surface.triangles)) == 0
+    np.testing.assert_array_equal(points[held.corners], hull.vertices)
+    others = np.delete(np.arange(len(points)), held.corners)
+    slacks = hull.heights(np.zeros(3)) - points[others] @ hull.normals.T
+    assert slacks.min() > 1e-6 * surface.diagonal
+    miss = surface.with_points(points).centroid - surface.centroid
+    assert np.linalg.norm(miss) < 1e-12 * surface.diagonal
+    # What is far from the places stays there.
+    assert np.median(np.linalg.norm(points - fill[0], axis=1)) < 1e-3

@@ -1,5 +1,5 @@
-"""Hulls during and after their design, judged by the forward model of the same hull; the quadratic
-programs of the design."""
+"""Hulls of a design and their elastic space, computed in other ways; hulls during and after their
+design, judged by the forward model."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from common.bumpy import bent_capsule, bumpy_sphere, unit
+from common.bumpy import ball, bent_capsule, bumpy_sphere, unit
 from common.kernels import without_kernels
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull as OtherHull
+from scipy.spatial.distance import cdist, pdist
 
 from dicedesign import rest_poses
 from dicedesign.concave.complementarity import solve_complementarity
-from dicedesign.concave.hull_design import design_hull, edge_depths
+from dicedesign.concave.hull_design import design_hull
 from dicedesign.concave.hull_draft import (
     HullDraft,
     exact_draft,
@@ -25,11 +26,21 @@ from dicedesign.concave.hull_draft import (
     relax_hull,
     settle_draft,
 )
-from dicedesign.concave.hull_problem import DesignedHull, HeldCorners, HullProblem
+from dicedesign.concave.hull_problem import (
+    CORNERS,
+    HANDLES,
+    KERNEL_CONSTANT,
+    DesignedHull,
+    Elasticity,
+    HeldCorners,
+    HullProblem,
+)
 from dicedesign.concave.options import ConcavePaperOptions
 from dicedesign.concave.outcome_directions import outcome_choices
 from dicedesign.concave.paper_hull import descend_hull, search_hull
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.sphere import best_similarity
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_margins, outcome_probabilities
 from dicedesign.rest.poses import RestPoses
@@ -37,6 +48,115 @@ from dicedesign.runtime.arrays import Floats
 
 SHEAR = np.array([[1.0, 0.05, -0.03], [0.0, 1.0, 0.07], [0.0, 0.0, 1.0]])
 """Symmetric bodies have ties."""
+
+
+def squashed_ball(subdivisions: int) -> Surface:
+    """Ellipsoid, all of whose points are vertices of its hull."""
+    surface = ball(subdivisions)
+    return unit(surface.with_points(surface.points * np.array([1.0, 0.8, 0.3])))
+
+
+@pytest.mark.parametrize("surface", [unit(bumpy_sphere(3)), squashed_ball(3)])
+def test_corners_of_a_design_are_few_and_spread(surface: Surface) -> None:
+    problem = HullProblem(surface, np.array([0.5, 0.5]), 0.004, coarse=True)
+    corners, vertices = problem.hull.vertices, OtherHull(surface.points).vertices
+    assert len(corners) == CORNERS < len(vertices)
+    # No vertex is farther from all corners than they are from each other.
+    assert cdist(surface.points[vertices], corners).min(axis=1).max() <= pdist(corners).min()
+    np.testing.assert_array_equal(surface.points[problem.source], corners)
+    assert np.isin(problem.source, vertices).all()
+    fine = HullProblem(surface, np.array([0.5, 0.5]), 0.004)
+    np.testing.assert_array_equal(np.sort(fine.source), np.sort(vertices))
+
+
+@cache
+def fine_problem() -> HullProblem:
+    surface = bumpy_sphere()
+    sheared = unit(surface.with_points(surface.points @ SHEAR))
+    return HullProblem(sheared, np.array([0.5, 0.5]), 0.004)
+
+
+@cache
+def brute_force() -> tuple[Floats, Floats]:
+    """(3 n, 3 n) displacements of all points for forces on them, and (3 c, 3 n) displacements of
+    the corners relative to the center of mass, by finite differences."""
+    surface, source, step = fine_problem().surface, fine_problem().source, 1e-5
+    points = surface.points
+    rows = np.zeros((len(source), 3, *points.shape))
+    rows[np.arange(len(source))[:, None], np.arange(3), source[:, None], np.arange(3)] = 1.0
+    for point, axis in np.ndindex(points.shape):
+        shift = np.zeros_like(points)
+        shift[point, axis] = step
+        ahead = surface.with_points(points + shift).centroid
+        behind = surface.with_points(points - shift).centroid
+        rows[:, :, point, axis] -= (ahead - behind) / (2.0 * step)
+    responses = np.kron(KERNEL_CONSTANT - cdist(points, points), np.eye(3))
+    return responses, rows.reshape(3 * len(source), -1)
+
+
+def forces_by_brute_force(moved: Floats) -> Floats:
+    """(3 c,) forces of minimum work for displacements (c, 3) of the corners."""
+    responses, rows = brute_force()
+    return np.linalg.solve(rows @ responses @ rows.T, moved.ravel())
+
+
+def displacement_of_all(moved: Floats) -> Floats:
+    """(n, 3) displacement of minimum work for displacements (c, 3) of the corners."""
+    responses, rows = brute_force()
+    return (responses @ rows.T @ forces_by_brute_force(moved)).reshape(-1, 3)
+
+
+def test_the_displacement_is_measured_after_alignment() -> None:
+    points = fine_problem().surface.points
+    moved = np.random.default_rng(0).normal(size=fine_problem().hull.vertices.shape)
+    # Small enough for the linearization.
+    there = points + 1e-5 * displacement_of_all(moved)
+    back = best_similarity(there, points, np.ones(len(points)))
+    distances = 1e5 * np.linalg.norm(back(there) - points, axis=1) / fine_problem().surface.diagonal
+    expected = np.sqrt((distances**2).mean())
+    assert fine_problem().displacement(moved) == pytest.approx(expected, rel=1e-3)
+    assert fine_problem().mean_displacement(moved) == pytest.approx(distances.mean(), rel=1e-3)
+
+
+def test_relative_forces_and_centers_by_brute_force() -> None:
+    held, surface = fine_problem().held, fine_problem().surface
+    wanted = 0.1 * np.random.default_rng(4).normal(size=(len(held.corners), 3))
+    expected = forces_by_brute_force(wanted)
+    forces, centers = held.relative
+    np.testing.assert_array_equal(forces, forces.transpose(2, 3, 0, 1))
+    np.testing.assert_allclose(
+        np.tensordot(wanted, forces, 2).ravel(), expected, atol=1e-5 * np.abs(expected).max()
+    )
+    center = surface.centroid_derivatives().reshape(3, -1) @ displacement_of_all(wanted).ravel()
+    np.testing.assert_allclose(np.tensordot(wanted, centers, 2), center, atol=1e-6)
+
+
+def test_followed_displacements_have_minimum_work() -> None:
+    held, points = fine_problem().held, fine_problem().surface.points
+    wanted = np.random.default_rng(1).normal(size=(len(held.corners), 3))
+    followed = held.follow(wanted)
+    np.testing.assert_allclose(followed[held.corners], wanted, atol=1e-10)
+    free = np.setdiff1d(np.arange(len(followed)), held.corners)
+    forces = np.linalg.inv(KERNEL_CONSTANT - cdist(points, points)) @ followed
+    assert np.abs(forces[free]).max() < 1e-8 * np.abs(forces).max()
+
+
+def test_lumped_and_exact_forces_move_the_center_of_mass_similarly() -> None:
+    surface = unit(bumpy_sphere(3))
+    assert len(surface.points) > HANDLES
+    elasticity = Elasticity(surface)
+    gradient = np.moveaxis(surface.centroid_derivatives(), 0, -1)
+    exact = np.tensordot(elasticity.responses(np.arange(len(gradient))), gradient, (1, 0))
+    lumped = elasticity.center_responses(gradient)
+    np.testing.assert_allclose(lumped, exact, atol=2e-3 * np.abs(exact).max())
+
+
+def test_a_convex_surface_is_refused() -> None:
+    convex = unit(ball(1))
+    held = HeldCorners(Elasticity(convex), convex_hull(convex.points).source)
+    text = "surface: expected one with dents, but 42 of its 42 points are corners of its hull, and"
+    with pytest.raises(InputError, match=text):
+        _ = held.relative
 
 
 def problem_of(
@@ -111,9 +231,6 @@ def meets_limits(design: DesignedHull, problem: HullProblem) -> bool:
     )
 
 
-# Drafts.
-
-
 @pytest.mark.parametrize("place", [0, 1])
 def test_angles_and_probabilities_of_a_draft_are_those_of_the_body(place: int) -> None:
     draft = drafts()[place]
@@ -153,34 +270,6 @@ def test_the_clearance_of_a_draft_is_the_least_distance_of_a_foot_from_the_rim_o
     assert draft.clearance == pytest.approx(min(distances) / radius, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "violated", ["", "probabilities", "apart", "clearance", "probabilities apart margin"]
-)
-def test_the_shortfall_sums_relative_violations(violated: str) -> None:
-    _, draft = drafts()
-    target = problem().target
-    tolerance = max(1.01 * draft.error(target), 1e-6)
-    apart, margin, clearance = 0.99 * draft.apart, 0.99 * draft.margin, 0.99 * draft.clearance
-    expected = 0.0
-    if "probabilities" in violated:
-        target = target + np.array([0.02, -0.01, -0.01])
-        tolerance = 0.8 * draft.error(target)
-        expected += 0.25
-    if "apart" in violated:
-        apart = 1.25 * draft.apart
-        expected += 0.2
-    if "margin" in violated:
-        margin = 2.0 * draft.margin
-        expected += 0.5
-    if "clearance" in violated:
-        clearance = 2.0 * draft.clearance
-        expected += 0.5
-    wanted = HullProblem(problem().surface, target, tolerance, apart, margin, clearance)
-    shortfall = draft.shortfall(wanted)
-    assert (shortfall == 0.0) == (not violated)
-    assert shortfall == pytest.approx(expected, abs=1e-9)
-
-
 def jacobian_and_differences() -> None:
     draft = original_draft(problem())
     direction = np.random.default_rng(4).normal(size=draft.corners.shape)
@@ -199,13 +288,6 @@ def test_the_jacobian_by_finite_differences() -> None:
         jacobian_and_differences()
 
 
-def test_a_draft_without_hull_or_outside_the_center_of_mass_is_none() -> None:
-    draft, _ = drafts()
-    assert HullDraft.of(draft.corners + np.array([2.0, 0.0, 0.0]), draft.directions) is None
-    flat = draft.corners * np.array([1.0, 1.0, 0.0])
-    assert HullDraft.of(flat, draft.directions) is None
-
-
 def test_exact_and_settled_drafts_have_the_probabilities_to_rounding() -> None:
     first, draft = drafts()
     assert exact_draft(problem(), first) is None
@@ -214,29 +296,6 @@ def test_exact_and_settled_drafts_have_the_probabilities_to_rounding() -> None:
     for exact in (exact_draft(problem(), near), settle_draft(problem(), near)):
         poses = rest_poses(exact.rests.hull.vertices, center_of_mass=np.zeros(3))
         assert outcome_probabilities(poses, exact.normals).error(problem().target) < 1e-10
-
-
-# Quadratic programs.
-
-
-def test_depths_change_as_their_derivatives_say() -> None:
-    """Central differences, and the depths of facets by another way: the least of their edges."""
-    draft, random = drafts()[0], np.random.default_rng(0)
-    hull = draft.rests.hull
-    depths, slopes, corners = edge_depths(hull)
-    radius = np.linalg.norm(hull.vertices, axis=1).max()
-    np.testing.assert_allclose(
-        np.minimum.reduceat(depths, hull.facet_start[:-1]) / radius, draft.rests.depths, atol=1e-12
-    )
-    change = random.normal(size=hull.vertices.shape)
-    sides = []
-    for step in (-1e-6, 1e-6):
-        sides.append(edge_depths(replace(hull, vertices=hull.vertices + step * change))[0])
-    expected = (slopes * change[corners]).sum((-2, -1))
-    # A facet with more corners stays none when they move.
-    triangles = (np.diff(hull.facet_start) == 3)[hull.facet]
-    differences = (sides[1] - sides[0]) / 2e-6
-    np.testing.assert_allclose(differences[triangles], expected[triangles], rtol=1e-5, atol=1e-5)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(0, 3))
@@ -260,9 +319,6 @@ def test_a_quadratic_program_against_least_squares(seed: int, bounds: int, equat
     wanted[-1] = 1.0
     residual = system @ nnls(system, wanted)[0] - wanted
     np.testing.assert_allclose(found, -residual[:-1] / residual[-1], atol=1e-6)
-
-
-# Designs.
 
 
 @pytest.mark.parametrize(
@@ -298,25 +354,6 @@ def test_a_firm_design_keeps_its_foot_farther_from_rims() -> None:
     )
     assert firm.shortfall(problem) == 0.0
     assert firm.rests.depths[firm.facets].min() > usual.rests.depths[usual.facets].min()
-
-
-def test_a_failed_design_returns_its_best_draft() -> None:
-    """No three directions are 170 degrees apart."""
-    problem = problem_of(bumpy_sphere(1), [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], 170.0)
-    first = original_draft(problem)
-    draft = design_hull(problem, first)
-    assert 0.0 < draft.shortfall(problem) < first.shortfall(problem)
-
-
-def test_vertices_of_a_designed_hull_are_moved_points_of_the_surface() -> None:
-    design = make_designed_hull(problem(), drafts()[1])
-    points, source = problem().surface.points, problem().source
-    place = np.full(len(points), -1)
-    place[source] = np.arange(len(source))
-    moved = design.moved[place[design.corners]] + design.center_of_mass
-    np.testing.assert_allclose(design.hull.vertices, points[design.corners] + moved, atol=1e-14)
-    assert len(set(design.corners.tolist())) == len(design.corners) > 0.7 * len(source)
-    assert np.linalg.norm(moved, axis=1).mean() < 0.3
 
 
 def test_easing_moves_corners_back_and_keeps_all_limits() -> None:

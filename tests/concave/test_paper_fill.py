@@ -21,7 +21,6 @@ from dicedesign.concave.paper_fill import (
     centering_gradient,
     fill_as_paper,
     fill_by_quadratic_programs,
-    solve_quadratic_program,
 )
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
@@ -94,12 +93,6 @@ def test_the_closest_point_energy_is_eq_28_and_quadratic() -> None:
     assert energy.value(moved.points) == pytest.approx(energy.value(points) + change, rel=1e-12)
     # The former closest points are not closer than the new ones.
     assert energy.value(moved.points) >= closest_squares(moved, CORNERS).sum()
-
-
-@needs_clarabel
-def test_a_quadratic_program_without_a_solution() -> None:
-    rows = csc_array(np.array([[1.0], [-1.0]]))
-    assert solve_quadratic_program(csc_array(np.eye(1)), np.zeros(1), rows, -np.ones(2)) is None
 
 
 @needs_clarabel

@@ -3,8 +3,6 @@ kind."""
 
 from __future__ import annotations
 
-import gc
-import weakref
 from collections.abc import Callable
 from itertools import product
 
@@ -19,7 +17,6 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.gradient.rest_probabilities import (
     RestEvaluation,
     centroid_gradient,
-    evaluate_rests,
     hull_centroid,
 )
 from dicedesign.optimize.clusters import ClusteredRests, Clusters, cluster
@@ -180,18 +177,3 @@ def test_corners_of_half_spaces_pull_gradients_back(random_points, way) -> None:
         assert_same(slope, expected[0].numpy(), 1e-12)
     idle = [3 * count, 3 * count + 1, 3 * count + 2, len(parameters) - 1]
     assert (pulled_back[:, idle] == 0.0).all()
-
-
-def test_evaluations_have_no_reference_cycles(random_points) -> None:
-    """Tensors and the graphs of their gradients hold no cyclic references."""
-    gc.disable()
-    try:
-        for center in (None, torch.zeros(3, dtype=torch.float64)):
-            rests = evaluate_rests(torch.tensor(random_points(1, 9), requires_grad=True), center)
-            value = rests.probabilities[0] + rests.facet_depths[0] + rests.center_of_mass.sum()
-            assert value.requires_grad
-            reference = weakref.ref(rests)
-            del rests, value
-            assert reference() is None
-    finally:
-        gc.enable()

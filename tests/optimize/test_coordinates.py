@@ -1,36 +1,27 @@
-"""Facet, vertex, pinned and symmetric coordinates: shapes are reproduced, and facets stay flat,
-where they are pinned, and symmetric, whatever the others do."""
+"""Facet, vertex and symmetric coordinates: shapes are reproduced, and facets stay flat and
+symmetric, whatever the others do."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
-from itertools import islice, product
+from itertools import product
 
 import numpy as np
 import pytest
-import torch
 from scipy.spatial import ConvexHull as QhullHull
 from scipy.spatial import HalfspaceIntersection
 from scipy.spatial.distance import cdist
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.point_groups import point_group
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.coordinates import (
     FacetCoordinates,
     SymmetricCoordinates,
     VertexCoordinates,
     orbits_of_directions,
-    pin_coordinates,
 )
-from dicedesign.optimize.options import ExactOptions
-from dicedesign.optimize.preferences import Preferences
-from dicedesign.optimize.solvers.exact import solve_exact
-from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.shapes import (
     HENDECAHEDRA,
     hendecahedron,
@@ -39,7 +30,6 @@ from dicedesign.optimize.starts.shapes import (
     repulsion,
 )
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.parts import Status
 
 STARTS = {
     "prism": prism(12),
@@ -81,95 +71,6 @@ def test_facets_stay_flat_under_any_change() -> None:
         assert len(hull.normals) == cutting, name
         nearest = (hull.normals @ normals.T).max(axis=1)
         np.testing.assert_allclose(nearest, 1.0, atol=1e-9)
-
-
-def test_pruning_drops_points_inside_and_keeps_half_spaces(random_points) -> None:
-    points = random_points(5, 10)
-    coordinates, parameters = VertexCoordinates.of(points, points.mean(axis=0))
-    inner = np.concatenate([[0.0, 0.0, 0.0], parameters, 0.5 * parameters[:3]])
-    rests = evaluate_rests(torch.tensor(coordinates.shape(inner).points))
-    np.testing.assert_array_equal(coordinates.prune(inner, rests), parameters)
-    facets, values = FacetCoordinates.of(points, points.mean(axis=0))
-    far = len(values) // 4
-    idle = np.concatenate([values[: 3 * far], [1.0, 0.0, 0.0], values[3 * far :], [3.0]])
-    rests = evaluate_rests(torch.tensor(facets.shape(idle).points))
-    assert len(rests.hull.normals) == far
-    np.testing.assert_array_equal(facets.prune(idle, rests), idle)
-
-
-def test_origins_and_half_spaces_without_a_solid_are_refused_in_words() -> None:
-    points = STARTS["repulsion"].points
-    corner = convex_hull(points).vertices[0]
-    for origin in (np.array([3.0, 0.0, 0.0]), corner * (1.0 + 1e-9)):
-        with pytest.raises(DegenerateBodyError, match="expected an origin inside the shape, got"):
-            FacetCoordinates.of(points, origin)
-    normals = np.array([(0.0, 0, 1), (0, 1, 0), (1, 0, 0), (0.1, 0.1, 0.9), (0.5, 0.2, 0.3)])
-    parameters = np.concatenate([normals.ravel(), np.zeros(5)])
-    with pytest.raises(DegenerateBodyError, match="expected half-spaces that bound a solid"):
-        FacetCoordinates(np.zeros(3)).shape(parameters)
-
-
-START = repulsion(7, 0)
-PINNED = (1, 4)
-
-
-def reach(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Extent (p,) of a body from the origin in each direction."""
-    return (points @ directions.T).max(axis=0)
-
-
-def test_free_facets_move_as_without_pins() -> None:
-    rng = np.random.default_rng(0)
-    origin = convex_hull(START.points).centroid
-    pinned = START.directions[list(PINNED)]
-    coordinates, parameters = pin_coordinates(START.points, origin, pinned)
-    bare, whole = FacetCoordinates.of(START.points, origin)
-    assert len(parameters) == len(whole) - 4 * len(PINNED)
-    moved, is_free = (
-        parameters + 0.1 * rng.normal(size=parameters.shape),
-        np.isin(whole, parameters),
-    )
-    shape = coordinates.shape(moved)
-    np.testing.assert_allclose(reach(shape.points, pinned), reach(START.points, pinned), atol=1e-12)
-    whole[is_free] = moved
-    expected = bare.shape(whole)
-    np.testing.assert_array_equal(shape.points, expected.points)
-    rows = rng.normal(size=(3, *shape.points.shape))
-    np.testing.assert_array_equal(shape.pull_back(rows), expected.pull_back(rows)[:, is_free])
-
-
-def test_a_design_leaves_pinned_facets_where_they_are() -> None:
-    pinned = (1, 4, 6)
-    target = np.array([0.2, 0.1, 0.15, 0.15, 0.1, 0.1, 0.2])
-    start = replace(START, pinned=pinned)
-    result = solve_exact(
-        shapes_like(start, 0), target, ExactOptions(prefer=Preferences(roundness=1.0))
-    )
-    assert result.status is Status.CONVERGED
-    np.testing.assert_allclose(
-        np.sort(rest_poses(result.hull.vertices).probabilities), np.sort(target), atol=1e-12
-    )
-    before, moved = START.directions, np.abs(result.directions - START.directions).max(axis=1)
-    is_pinned = np.isin(np.arange(7), pinned)
-    assert (moved[is_pinned] < 1e-12).all()
-    assert (moved[~is_pinned] > 1e-4).all()
-    planes = reach(result.hull.vertices, before) - reach(START.points, before)
-    assert (np.abs(planes[is_pinned]) < 1e-12).all()
-
-
-def test_variations_leave_pinned_facets_where_they_are() -> None:
-    start = replace(START, pinned=PINNED)
-    pinned = START.directions[list(PINNED)]
-    for shape in islice(shapes_like(start, 0), 1, 6):
-        assert shape.pinned == PINNED
-        np.testing.assert_allclose(shape.directions[list(PINNED)], pinned, atol=1e-12)
-        np.testing.assert_allclose(
-            reach(shape.points, pinned), reach(START.points, pinned), atol=1e-12
-        )
-        assert np.abs(shape.directions - START.directions).max() > 1e-3
-
-
-CUBE = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
 
 
 def symmetric_points(name: str, seed: int = 0) -> np.ndarray:
@@ -231,21 +132,6 @@ def test_a_shape_in_single_precision_becomes_exactly_symmetric() -> None:
     assert asymmetry(coordinates.shape(parameters).points, group) < 1e-12
 
 
-@pytest.mark.parametrize(
-    ("points", "name", "text"),
-    [
-        (CUBE, "C3", "symmetry: expected directions that the point group maps onto each other"),
-        (CUBE, "C8", "whose image under element 1 is 0.765 from the nearest unit vector; turn"),
-        (CUBE + np.array([0.0, 0.0, 0.1]), "Oh", "at the same distance from [0.0, 0.0, 0.0]"),
-    ],
-)
-def test_shapes_without_the_symmetry_are_refused_in_words(
-    points: np.ndarray, name: str, text: str
-) -> None:
-    with pytest.raises(InputError, match=re.escape(text)):
-        SymmetricCoordinates.of(points, np.zeros(3), point_group(name))
-
-
 def test_an_orbit_broken_by_rounding_is_refused_in_words() -> None:
     angle = np.arange(12) * np.pi / 6.0
     sides = np.stack([np.cos(angle), np.sin(angle), np.full(12, -0.3)], axis=1)
@@ -266,5 +152,3 @@ def test_orbits_of_directions() -> None:
     assert orbits_of_directions(faces, point_group("D4h")).tolist() == [0, 1, 1, 0, 1, 1]
     assert orbits_of_directions(faces, point_group("C2v")).tolist() == [0, 1, 2, 3, 1, 2]
     assert orbits_of_directions(faces, point_group("Cs")).tolist() == [0, 1, 2, 0, 3, 4]
-    with pytest.raises(InputError, match="remove facets that nearly coincide"):
-        orbits_of_directions(np.concatenate([faces, faces[:1] + 1e-7]), point_group("C4"))

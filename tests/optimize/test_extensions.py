@@ -138,10 +138,9 @@ def refused(tmp_path: Path, text: str, **entries: object) -> None:
 def test_unregistered_extensions_are_unknown(tmp_path: Path) -> None:
     refused(tmp_path, "start.wedge: unknown key", start={"wedge": {}})
     method: dict[str, object] = descent(low_peaks=1.0)
-    text = "low_peaks: unknown key; remove it, or register or install the extension that adds it"
-    refused(tmp_path, text, start={"prism": {}}, method=method)
+    refused(tmp_path, "low_peaks: unknown key; .* install the extension", method=method)
     method = {"exact": {"prefer": {"flat": 1}}}
-    refused(tmp_path, "method.exact.prefer.flat: unknown key", method=method)
+    refused(tmp_path, "prefer.flat: unknown key", method=method)
     method = {"exact": {"probabilities": "thrown", "refine": {"engine": "set_down"}}}
     refused(tmp_path, "engine: expected native.*, got 'set_down'", method=method)
 
@@ -167,19 +166,16 @@ def test_recipes_accept_extensions_with_their_options(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("outside")
 def test_invalid_uses_of_extensions_are_explained(tmp_path: Path) -> None:
     wedge: dict[str, object] = {"wedge": {}}
-    refused(tmp_path, "strech: unknown key; did you mean 's", start={"wedge": {"strech": 1}})
     refused(tmp_path, "stretch: .*number, got 'x'", start={"wedge": {"stretch": "x"}})
     refused(tmp_path, "unknown key; did you mean 'wedge'", start={"wegde": {}})
     text = "peak_height: expected a length above 0, got -1; leave it out for 0.5"
     refused(tmp_path, text, start=wedge, method=descent(peak_height=-1))
     with pytest.raises(InputError, match="energy term 'low_peaks': expected a name of its own"):
         TERMS.register(replace(TERMS["dice"], name="low_peaks"))
-    # Names of attributes of the weights, and of options of other terms.
-    for name in ("replace", "peak_height"):
-        TERMS.register(Term(name=name, line="A toy.", evaluate=len))
-        with pytest.raises(InputError, match=r"expected (names of its own|another name)"):
-            EnergyWeights()
-        TERMS.unregister(name)
+    TERMS.register(Term(name="peak_height", line="option of another term", evaluate=len))
+    with pytest.raises(InputError, match=r"expected names of its own"):
+        EnergyWeights()
+    TERMS.unregister("peak_height")
 
 
 @pytest.mark.usefixtures("outside")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 from scipy.spatial import ConvexHull as Triangulation
@@ -12,18 +11,9 @@ from scipy.spatial import HalfspaceIntersection, QhullError
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.runtime.arrays import Floats, Integers
 from tests.reference.problem import Problem
-from tests.reference.solids import box, icosphere
 
 ANTIPODE_SEEDS = (5, 102, 255, 278, 463, 482, 623, 874)
 """Seeds of `lopsided_needle` for which a basin contains the antipode of its own normal."""
-
-
-def weighted_sphere() -> Problem:
-    """A sphere of 1280 triangles with its center of mass near a corner of a facet: one rest."""
-    points = icosphere(3).points
-    triangle = points[Triangulation(points).simplices[0]]
-    inner = 0.85 * triangle[0] + 0.15 * triangle.mean(axis=0)
-    return Problem(points, 0.97 * inner, shares=np.ones(1), rests=1)
 
 
 def lens() -> Problem:
@@ -48,24 +38,6 @@ def large(points: int, seed: int = 0) -> Problem:
     """The hull of random points on an ellipsoid, uniform."""
     directions = unit_vectors(np.random.default_rng(seed).normal(size=(points, 3)))
     return Problem(directions * [1.0, 0.8, 0.7])
-
-
-def globe(rings: int, sides: int) -> Problem:
-    """Points of a sphere on circles of latitude, 8 x rings x sides in all: facets are trapezoids,
-    and the coordinates have the symmetry of a box without rounding."""
-    latitude = 0.5 * np.pi * (np.arange(rings) + 0.5)[:, None] / rings
-    longitude = 0.5 * np.pi * (np.arange(sides) + 0.5)[None, :] / sides
-    octant = np.stack(
-        [
-            np.cos(latitude) * np.cos(longitude),
-            np.cos(latitude) * np.sin(longitude),
-            np.sin(latitude) + 0.0 * longitude,
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    points = np.concatenate([octant * signs for signs in product([-1.0, 1.0], repeat=3)])
-    mirrors = tuple(np.diag(s) for s in ([-1.0, 1, 1], [1.0, -1, 1], [1.0, 1, -1]))
-    return Problem(points, np.zeros(3), symmetries=mirrors)
 
 
 OFFSET = 100_000
@@ -187,11 +159,3 @@ def hull_triangles(points: Floats) -> Integers | None:
     except (QhullError, ValueError):
         return None
     return np.unique(np.sort(simplices, axis=1), axis=0).astype(np.int64)
-
-
-def with_unreferenced() -> Problem:
-    """A box as a mesh, with points far outside on no triangle."""
-    problem = box(1.0, 2.0, 3.0)
-    points = np.concatenate([[[9.0, 9.0, 9.0], [-7.0, 0.0, 0.0]], problem.points])
-    triangles = Triangulation(problem.points).simplices.astype(np.int64) + 2
-    return replace(problem, points=points, triangles=triangles, center=None)

@@ -267,23 +267,3 @@ class Oracle:
         if abs(sum(total) - 4 * pi) > CLOSURE:
             raise OracleError("oracle: expected basins that cover the sphere once")
         return total
-
-
-def exact_outcome_error(
-    hull: ConvexHull, center: Floats | None, directions: Floats, target: Floats
-) -> float:
-    """Largest |p - q| of a die, each rest counted for the outcome whose direction is nearest.
-
-    hull: the die; center: (3,) center of mass, or None for that of the uniform solid in 60 digits;
-    directions: (k, 3) unit; target: (k,).
-
-    Raises OracleError if the die balances exactly.
-    """
-    with mpmath.workdps(DIGITS):
-        vertices = exact(hull.vertices)
-        middle = solid_centroid(vertices, hull.triangles) if center is None else center
-        misses = -exact(target)
-        probabilities = oracle_probabilities(vertices, facet_polygons(hull), [middle])
-        for normal, probability in zip(hull.normals, probabilities, strict=True):
-            misses[np.argmax(directions @ normal)] += probability
-        return float(abs(misses).max())

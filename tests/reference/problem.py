@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats
 
 
@@ -38,69 +34,6 @@ class Problem:
     rests: int | None = None
     facets: int | None = None
     symmetries: tuple[Floats, ...] = ()
-
-
-@dataclass(frozen=True)
-class DesignProblem:
-    """A design that is hard for its method.
-
-    Attributes
-    ----------
-    start: shape and outcome directions.
-    target: (k,) wanted probability of each direction.
-    method: see `tests.reference.watched_design.run_method`.
-    coordinates: coordinates of the exact method.
-    center_of_mass: (3,) in the coordinates of `start.points`, or None for the uniform solid.
-    tolerance: largest |p - q| to end with.
-    perturbation: noise on the start of a descent; 0 keeps its degeneracy.
-    steps: limit on the accepted steps of a descent, or on the dice tried by the exact method.
-    """
-
-    start: Start
-    target: Floats
-    method: Literal["exact", "line search", "paper", "paper with finish"] = "line search"
-    coordinates: Literal["facets", "vertices"] = "facets"
-    center_of_mass: Floats | None = None
-    tolerance: float = 1e-3
-    perturbation: float = 1e-3
-    steps: int = 400
-
-
-@dataclass(frozen=True)
-class Case:
-    """A row of a suite; see `case`.
-
-    Attributes
-    ----------
-    name: unique in its suite.
-    build: makes the problem.
-    turns: number of random rotations in which it is also tried.
-    points: rough number of points of a large problem, 0 for small ones.
-    quick: whether it belongs to the short suite.
-    kind: what it is summed up with.
-    """
-
-    name: str
-    build: Callable[[], Problem | DesignProblem]
-    turns: int = 0
-    points: int = 0
-    quick: bool = True
-    kind: str = ""
-
-
-def case(
-    build: Callable[..., Problem | DesignProblem],
-    *arguments: object,
-    turns: int = 0,
-    points: int = 0,
-    quick: bool = True,
-    **options: object,
-) -> Case:
-    """A case named after the function that makes it and its arguments."""
-    values = (getattr(value, "__name__", value) for value in (*arguments, *options.values()))
-    words = (f"{value:g}" if isinstance(value, float) else str(value) for value in values)
-    name = " ".join([build.__name__.replace("_", " ").strip(), *words])
-    return Case(name, partial(build, *arguments, **options), turns, points, quick)
 
 
 def rotate_problem(problem: Problem, seed: int) -> Problem:

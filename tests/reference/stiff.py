@@ -67,11 +67,6 @@ def random_body(seed: int, points: int = 14) -> Problem:
     return Problem(np.random.default_rng(seed).normal(size=(points, 3)))
 
 
-def stretched_body(seed: int, factors: tuple[float, float, float]) -> Problem:
-    """A random body stretched along the axes."""
-    return Problem(random_body(seed).points * factors)
-
-
 def hidden_center(depth: float, near: int) -> Problem:
     """A cube with its center of mass at a depth below a facet (near = 1), the facets of an edge (2)
     or the facets of a corner (3)."""
@@ -148,17 +143,6 @@ def opposed_corner(distance: float) -> Problem:
     ]
     center = np.array([0.5, 0.0, 0.5]) - distance * np.array([0.73, 0.58, -0.36])
     return Problem(np.array(points, dtype=np.float64), center)
-
-
-def lattice_body(seed: int) -> Problem:
-    """A body with small integer coordinates, which balances in many ways."""
-    rng = np.random.default_rng(seed)
-    while True:
-        points = rng.integers(-2, 3, size=(8, 3)).astype(np.float64)
-        if np.linalg.matrix_rank(points - points[0]) == 3:
-            hull = Triangulation(points)
-            if (hull.equations[:, 3] < 0.0).all():
-                return Problem(points, np.zeros(3))
 
 
 def place(problem: Problem, size: float, distance: float) -> Problem:

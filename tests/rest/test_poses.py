@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise, product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +10,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from scipy.stats import binomtest, kstest
 
-from dicedesign.errors import DegenerateBodyError, InputError
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.rest.equilibria import Equilibria, classify
 from dicedesign.rest.morse import basin_moments, separatrix_points
@@ -185,13 +183,6 @@ def test_meshes_arrays_and_bodies_are_taken() -> None:
     given_center = rest_poses(mesh, [0.1, 0.2, 0.3])
     assert given_center.center_of_mass_source == "given"
     np.testing.assert_array_equal(given_center.center_of_mass, [0.1, 0.2, 0.3])
-
-
-def test_a_flat_body_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "flat.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n")
-    with pytest.raises(DegenerateBodyError, match=r"flat\.obj: expected points that span a solid"):
-        rest_poses(read_body(path))
 
 
 def test_sampled_rests_have_their_probabilities_and_headings_are_uniform() -> None:

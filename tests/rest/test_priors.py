@@ -160,13 +160,10 @@ def test_a_fit_finds_the_axis_and_the_concentration() -> None:
 @pytest.mark.parametrize(
     ("prior", "said"),
     [
-        ("vmf:0,0,0:3", "not all zero"),
         ("vmf:0,0,1:-1", "concentration"),
         ("vmf:0,0,1", "vmf:x,y,z:CONCENTRATION"),
-        ("half:a,b,c", "half:x,y,z"),
         ("cap:0,0,1:181", "angle"),
         ("normal:0,0,1", "vmf:x,y,z:CONCENTRATION or"),
-        ("samples:/no/such/file.csv", "/no/such/file.csv"),
         (lambda u: u[:, 0], "prior"),
         (lambda u: np.full(len(u), np.nan), "prior"),
         (lambda u: np.zeros(len(u)), "prior"),

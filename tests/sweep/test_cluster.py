@@ -107,12 +107,12 @@ def test_results_are_those_of_one_process(
     for name, height in (("a.stl", 1.5), ("b.obj", 2.5)):
         trimesh.creation.box((1.0, 1.2, height)).export(tmp_path / "meshes" / name)
     rest = ["rest", str(tmp_path / "meshes")]
-    sweep = ["sweep", str(recipe_path), "--seeds", "2"]
+    sweep = ["sweep", str(recipe_path), "--seeds", "1"]
     for place, options in (("there", ["--scheduler", address]), ("here", [])):
         assert main([*rest, *options, "--out", str(tmp_path / f"{place}.csv")]) == 0
         assert main([*sweep, *options, "--out", str(tmp_path / place)]) == 0
     assert rows_of(tmp_path / "there.csv") == rows_of(tmp_path / "here.csv")
-    for name in ("sweep.csv", "index.html", "seed-0/result.json", "seed-1/die_plain.stl"):
+    for name in ("sweep.csv", "index.html", "seed-0/result.json", "seed-0/die_plain.stl"):
         assert (tmp_path / "there" / name).read_bytes() == (tmp_path / "here" / name).read_bytes()
 
 

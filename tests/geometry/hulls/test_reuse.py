@@ -18,6 +18,7 @@ from dicedesign.geometry.hulls.hull import (
     polyhedron_corners,
     same_connectivity,
 )
+from tests.reference.random_hulls import extreme_hulls
 
 pytestmark = compiled_only
 
@@ -43,27 +44,18 @@ def bipyramid(sides: int, winding: int = 1) -> np.ndarray:
 
 
 def bodies() -> Iterator[np.ndarray]:
-    """Random, symmetric, flat-faceted, short-edged, thin and nearly flat, some with points that
-    are no vertices."""
+    """Round, thin, symmetric, flat-faceted and short-edged ones, some with points that are no
+    vertices."""
+    yield from (hull.vertices for hull in extreme_hulls(50, most=40))
     for seed in range(6):
         rng = np.random.default_rng(seed)
         count = int(rng.integers(5, 40))
         points = sphere(seed, count)
-        yield points
-        yield rng.normal(size=(count, 3)) * [1.0, 0.5, 2.0]
-        yield rng.integers(-2, 3, size=(count + 20, 3)).astype(float)
         yield polyhedron_corners(np.concatenate([points, CUBE]), np.ones(count + 8))
         yield prism(count)
         yield bipyramid(count)
-        close = points[: count // 2] + 10.0 ** rng.uniform(-9, -2) * sphere(seed, count // 2)
-        yield np.concatenate([points, close])
-        yield np.concatenate([points, 0.7 * points[:3]])
-        yield np.concatenate([points, points[:2]])
-        yield points * [1.0, 10.0 ** rng.uniform(-5, 0), 1.0]
-        cap = rng.uniform(-1, 1, size=(count, 2))
-        height = -(10.0 ** rng.uniform(-8, 0)) * (cap**2).sum(axis=1)
-        yield np.concatenate([np.column_stack([cap, height]), [[0.0, 0.0, -1.0]]])
-        yield CUBE
+        yield np.concatenate([points, points + 10.0 ** rng.uniform(-9, -2) * sphere(seed, count)])
+        yield np.concatenate([points, 0.7 * points[:3], points[:2]])
         yield CUBE @ Rotation.random(random_state=seed).as_matrix()
 
 
@@ -141,7 +133,6 @@ def test_invalid_hulls_are_refused(bad: float) -> None:
     broken[2, 1] = bad
     assert same_connectivity(hull, broken) is None
     assert same_connectivity(hull, CUBE[:7]) is None
-    assert same_connectivity(hull, CUBE * 0.0) is None
     assert same_connectivity(hull, CUBE * [1, 1, 0]) is None
     assert same_connectivity(hull, CUBE + 1e6) is None
     assert same_connectivity(hull, np.concatenate([CUBE, 0.1 * sphere(0, 500)])) is None

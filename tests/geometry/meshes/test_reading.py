@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
+from dicedesign.errors import DegenerateBodyError, MeshFileError
 from dicedesign.geometry.meshes.reading import read_body, stl_bytes
 from dicedesign.geometry.triangles import Surface, is_closed, solid_properties
 
@@ -139,6 +139,8 @@ def test_a_scene_is_joined_with_its_transforms(tmp_path: Path) -> None:
 
 
 GARBAGE = np.random.default_rng(0).bytes(3000)
+WHOLE = trimesh.creation.box()
+CUT = {ending: WHOLE.export(file_type=ending)[:-30] for ending in ("stl", "ply", "glb")}
 
 
 @pytest.mark.parametrize(
@@ -147,25 +149,19 @@ GARBAGE = np.random.default_rng(0).bytes(3000)
         ("a.stl", b"", "got an empty one; export it again as STL, PLY or OBJ"),
         ("a.obj", "# nothing\n", "expected a mesh or points, found neither; export it again"),
         ("a.stl", "hello world\n", "expected a .stl file, text that begins with"),
-        ("a.stl", "solid\nendsolid\n", "expected a mesh or points, found neither; export it again"),
         ("a.stl", b"solid" + bytes(80), "got 85 bytes; export it again as STL, PLY or OBJ"),
         ("a.stl", "solid\nfacet\nvertex 1 2\n", "line 3: expected three coordinates, got '1 2'"),
-        ("a.stl", "solid\nvertex 1 2 3 4\n", "line 2: expected three coordinates, got '1 2 3 4'"),
         ("a.stl", "solid\nvertex 1 2 3\nfacet\n", "line 3: expected three corners before the"),
         ("a.stl", "solid\nvertex 1 2 3\n", "got a file that ends within one; export it again"),
+        *[(f"a.{ending}", cut, f"expected a .{ending} file") for ending, cut in CUT.items()],
         ("a.ply", GARBAGE, "expected a .ply file, got one that cannot be read; export"),
-        ("a.obj", GARBAGE, "expected a mesh or points, found neither"),
         ("a.foo", "hello", "got '.foo'; export it again as STL, PLY or OBJ"),
         ("a.xyz", "0 0 0\n1 2 x\n", "line 2: expected three coordinates, got '1 2 x'"),
-        ("a.obj", "v 0 0 0\nv 1 1\n", "line 2: expected three coordinates, got '1 1'"),
         ("a.obj", CUBE + "f 1 2\n", "line 9: expected a face of at least 3 vertices, got 'f 1 2'"),
         ("a.obj", CUBE + "f 1 2 0\n", "line 9: expected vertex numbers other than 0,"),
-        ("a.obj", CUBE + "f 1 2 3_0\n", "line 9: expected whole numbers, got '1 2 3_0'"),
         ("a.obj", CUBE + f"f 1 2 {'9' * 5000}\n", "line 9: expected whole numbers, got '1 2 999"),
         ("a.obj", "v 1_0 0 0\n", "line 1: expected three coordinates, got '1_0 0 0'"),
-        ("a.off", f"OFF\n1 {10**20}\n0 0 0\n", "line 2: expected whole numbers"),
         ("a.obj", CUBE + "f 1 2 9\n", "points 0 to 7, got point 8 in triangle 0"),
-        ("a.off", "OFF\n", "expected the numbers of vertices and faces and then as many lines"),
         ("a.off", "OFF\n4 1 0\n0 0 0\n", "got [4, 1] and 1 lines; export the file again"),
         ("a.off", "OFF\n1 1\n0 0 0\n4 0 0 0\n", "line 4: expected 4 vertex numbers, got '4 0 0 0'"),
         ("a.off", "OFF\n1 1\n0 0 0\n3 0 0 5\n", "expected triangles of points 0 to 0, got point 5"),
@@ -186,15 +182,6 @@ def test_bad_files_are_refused_in_one_line(
     assert message in text
     assert text.isprintable()
     assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize("name", ["a.stl", "a.ply", "a.glb"])
-def test_truncated_files_are_refused(tmp_path: Path, name: str) -> None:
-    asymmetric().export(tmp_path / name)
-    whole = (tmp_path / name).read_bytes()
-    path = write(tmp_path, name, whole[:-30])
-    with pytest.raises(MeshFileError, match=f"expected a .{name[2:]} file, .*; export it again as"):
-        read_body(path)
 
 
 def test_missing_files_and_directories_are_refused(tmp_path: Path) -> None:
@@ -269,14 +256,3 @@ def test_triangles_that_vanish_in_float32_leave_the_solid_closed():
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.volume == pytest.approx(20 * 30 * 40 / 6)
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
-def test_coordinates_beyond_float32_are_refused(value):
-    box = trimesh.creation.box((4.0, 2.0, 1.0))
-    vertices = np.array(box.vertices)
-    vertices[3, 1] = value
-    with pytest.raises(
-        InputError, match=r"^STL: expected vertices that are finite in float32, got \[.* in row 3; "
-    ):
-        stl_bytes(Surface(vertices, box.faces))

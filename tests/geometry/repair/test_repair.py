@@ -7,7 +7,6 @@ import pytest
 import trimesh
 from common.bumpy import ball, bent_capsule, bumpy_sphere, self_intersecting_sphere
 
-from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.geometry.surfaces.closed_surface import make_surface
 from dicedesign.geometry.surfaces.repair import RepairedMesh, input_surface, repair_mesh
@@ -122,22 +121,6 @@ def test_thin_parts_are_thickened() -> None:
     assert repaired.numbers.missed_largest < 1.5 * cell
 
 
-def test_a_sheet_encloses_nothing() -> None:
-    i, j = np.meshgrid(np.arange(12.0), np.arange(9.0), indexing="ij")
-    points = np.stack([i, j, 0.3 * np.sin(i) * np.cos(j)], axis=-1).reshape(-1, 3)
-    corner = (np.arange(11)[:, None] * 9 + np.arange(8)).ravel()
-    halves = ([0, 9, 10], [0, 10, 1])
-    triangles = np.concatenate([corner[:, None] + np.array(half) for half in halves])
-    for heights in (0.0, 1.0):
-        with pytest.raises(DegenerateBodyError, match="give them a thickness"):
-            repair_mesh(body_of(points * [1.0, 1.0, heights], triangles))
-
-
-def test_a_point_cloud_has_no_surface() -> None:
-    with pytest.raises(InputError, match="point cloud"):
-        repair_mesh(make_body(ball(2).points, name="thing"))
-
-
 def large() -> Surface:
     """10,242 points."""
     return bumpy_sphere(5)
@@ -151,9 +134,3 @@ def test_a_large_mesh_is_decimated(points: int) -> None:
     assert surface.volume == pytest.approx(original.volume, rel=0.02)
     assert trimesh.Trimesh(surface.points, surface.triangles).is_volume
     assert f"{len(original.points)} to" in notes[0]
-
-
-def test_errors_about_a_large_mesh_refer_to_the_input() -> None:
-    original = large()
-    with pytest.raises(InputError, match="3 edges with one triangle"):
-        input_surface(body_of(original.points, original.triangles[1:]), 300)

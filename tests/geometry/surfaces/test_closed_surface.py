@@ -1,7 +1,8 @@
-"""Closed surfaces are taken, repaired, refused in words, and made of more or fewer points."""
+"""Closed surfaces, with more or fewer points; defects made on purpose; distortion."""
 
 from __future__ import annotations
 
+import json
 import sys
 
 import numpy as np
@@ -11,157 +12,34 @@ from common.bumpy import ball, bent_capsule, bumpy_sphere, self_intersecting_sph
 from scipy.spatial import cKDTree
 
 from dicedesign.concave.shapes import SHAPES, shape
-from dicedesign.errors import DegenerateBodyError, InputError
-from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.errors import InputError
+from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.surfaces.closed_surface import (
     decimate,
     make_surface,
     refine,
     require_dents,
 )
-from dicedesign.geometry.surfaces.quality import surface_quality
+from dicedesign.geometry.surfaces.quality import surface_distortion, surface_quality
 from dicedesign.geometry.triangles import Surface
-
-
-def sphere(radius: float = 1.0, x: float = 0.0) -> trimesh.Trimesh:
-    return trimesh.creation.icosphere(subdivisions=2, radius=radius).apply_translation((x, 0, 0))
-
-
-def body_of(*parts: trimesh.Trimesh) -> Body:
-    mesh = trimesh.util.concatenate(list(parts))
-    return make_body(np.asarray(mesh.vertices), np.asarray(mesh.faces), name="thing")
-
-
-def assert_refused(body: Body, *said: str, error: type[InputError] = InputError) -> None:
-    with pytest.raises(error) as raised:
-        make_surface(body)
-    message = str(raised.value)
-    assert message.startswith("thing: expected ")
-    for part in (*said, "; "):
-        assert part in message
-
-
-def test_a_good_surface_is_taken_as_it_is() -> None:
-    body = body_of(sphere())
-    surface, notes = make_surface(body)
-    assert notes == ()
-    np.testing.assert_array_equal(surface.points, body.points)
-    np.testing.assert_array_equal(surface.triangles, body.triangles)
-    assert surface.volume > 4.0
 
 
 @pytest.mark.parametrize(
     ("reverse", "note"),
     [
+        (slice(0), ""),
         (slice(None), "turned the surface, which was oriented inward"),
         (slice(7), "reversed 7 triangles that were wound against their neighbors"),
     ],
 )
 def test_triangles_are_turned_outward_with_a_note(reverse: slice, note: str) -> None:
-    mesh = sphere()
-    faces = mesh.faces.copy()
-    faces[reverse] = faces[reverse, ::-1]
-    surface, notes = make_surface(make_body(mesh.vertices, faces, name="thing"))
-    assert notes == (note,)
-    assert surface.volume == pytest.approx(mesh.volume)
-
-
-def test_a_point_cloud_an_open_mesh_and_a_flat_one_are_refused() -> None:
-    mesh = sphere()
-    assert_refused(make_body(mesh.vertices, name="thing"), "got a point cloud")
-    assert_refused(
-        make_body(mesh.vertices, mesh.faces[1:], name="thing"),
-        "3 edges with one triangle (the mesh is open)",
-        "start: {mesh: {path: FILE, repair: true}}",
-        "dicedesign repair",
-    )
-    flat = make_body(mesh.vertices * [1.0, 1.0, 1e-14], mesh.faces, name="thing")
-    assert_refused(flat, "encloses a volume", error=DegenerateBodyError)
-
-
-def test_an_edge_of_four_triangles_is_refused() -> None:
-    tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0], [0, 0, -1.0]])
-    both = np.vstack((tetrahedron, np.array([0, 1, 4, 5])[tetrahedron]))
-    assert_refused(make_body(points, both, name="thing"), "1 edges with more than two triangles")
-
-
-def test_a_one_sided_mesh_is_refused() -> None:
-    """A Klein bottle of a grid whose seam is joined the wrong way around."""
-    n = 6
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-
-    def index(i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        return (i % n) * n + np.where(i >= n, -j, j) % n
-
-    a, b, c, d = index(i, j), index(i + 1, j), index(i, j + 1), index(i + 1, j + 1)
-    triangles = np.concatenate((np.stack((a, b, c), 1), np.stack((b, d, c), 1)))
-    points = np.random.default_rng(0).normal(size=(n * n, 3))
-    assert_refused(make_body(points, triangles, name="thing"), "one-sided", "not orientable")
-
-
-@pytest.mark.parametrize(("radius", "x", "inside", "outside"), [(0.5, 0.0, 1, 0), (0.5, 3.0, 0, 1)])
-def test_several_shells_are_refused(radius: float, x: float, inside: int, outside: int) -> None:
-    body = body_of(sphere(), sphere(radius, x), sphere(0.3, -4.0))
-    assert_refused(
-        body,
-        "got 3 shells: the largest of 320 triangles",
-        f"{inside} inside it (cavities or parts) and {outside + 1} outside",
-        "keep one shell",
-    )
-
-
-def test_two_sheets_at_a_point_are_refused() -> None:
-    """A torus whose tube is pinched to one point."""
-    mesh = trimesh.creation.torus(2.0, 0.5, major_sections=24, minor_sections=12)
-    ring = np.arange(12)
-    points = np.asarray(mesh.vertices).copy()
-    assert np.ptp(np.arctan2(points[ring, 1], points[ring, 0])) < 1e-6
-    faces = np.where(np.isin(mesh.faces, ring), 0, mesh.faces)
-    points[0] = (2.0, 0.0, 0.0)
-    body = make_body(points, faces, name="thing")
-    assert_refused(body, "several at 1 points (not a manifold), the first at (2, 0, 0)")
-
-
-def test_a_self_intersecting_surface_is_refused() -> None:
-    surface = self_intersecting_sphere()
-    assert_refused(
-        make_body(surface.points, surface.triangles, name="thing"),
-        "a surface that does not meet itself",
-        "pairs of triangles that do, the first near (",
-        "repair: true",
-    )
-
-
-def subdivided_cube() -> Surface:
-    mesh = trimesh.creation.box()
-    for _ in range(3):
-        mesh = mesh.subdivide()
-    return surface_of(mesh)
-
-
-def egg() -> Surface:
-    surface = ball(3)
-    return surface.with_points(
-        surface.points * [1.0, 1.0, 1.4] * (1.0 + 0.1 * surface.points[:, 2:])
-    )
-
-
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("build", [subdivided_cube, egg])
-def test_convex_surfaces_are_sent_to_the_exact_method(build: object, scale: float) -> None:
-    assert callable(build)
-    surface = build()
-    with pytest.raises(InputError, match="a convex one; take method"):
-        require_dents(surface.with_points(scale * surface.points + 3.0 * scale))
-
-
-@pytest.mark.parametrize("height", [0.0, 0.01])
-def test_no_die_is_near_a_sphere(height: float) -> None:
-    surface = ball(3)
-    ripples = 1.0 + height * np.sin(7.0 * surface.points[:, :1])
-    with pytest.raises(InputError, match="nearly a sphere"):
-        require_dents(surface.with_points(surface.points * ripples))
+    given = ball(2)
+    triangles = given.triangles.copy()
+    triangles[reverse] = triangles[reverse, ::-1]
+    surface, notes = make_surface(make_body(given.points, triangles))
+    assert "".join(notes) == note
+    np.testing.assert_array_equal(surface.points, given.points)
+    np.testing.assert_array_equal(surface.triangles, given.triangles)
 
 
 def test_surfaces_with_dents_pass() -> None:
@@ -195,24 +73,10 @@ def test_a_decimated_torus_is_a_torus_of_the_wanted_size(points: int) -> None:
     assert f"changes the volume by {change:+.2g} %" in done
 
 
-def test_fewer_points_than_a_tetrahedron_are_refused() -> None:
-    with pytest.raises(InputError, match="expected at least 4 points, got 3; ask for more"):
-        decimate(torus(), 3)
-
-
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "fast_simplification", None)
     with pytest.raises(InputError, match=r"decimation: .*pip install 'dicedesign\[concave\]'"):
         decimate(torus(), 100)
-
-
-def test_a_surface_that_intersects_itself_in_every_reduction_is_refused() -> None:
-    pytest.importorskip("fast_simplification")
-    first, second = torus(), torus()
-    points = np.vstack((first.points, second.points + np.array([0.3, 0.2, 0.1])))
-    both = Surface(points, np.vstack((first.triangles, second.triangles + 1152)))
-    with pytest.raises(InputError, match="got none from 2304 points by any reduction; remesh"):
-        decimate(both, 1500)
 
 
 @pytest.mark.parametrize("points", [1153, 3000])
@@ -228,7 +92,81 @@ def test_a_refined_torus_is_the_same_torus(points: int) -> None:
     assert done.startswith(f"refined the surface from 1152 to {len(after.points)} points")
 
 
-def test_a_mesh_is_refined_to_solid_only() -> None:
-    before = torus()
-    with pytest.raises(InputError, match="NotManifold"):
-        refine(Surface(before.points, before.triangles[1:]), 2000)
+def test_a_sphere_has_no_defect() -> None:
+    quality = surface_quality(ball(3))
+    assert quality.sentences() == ()
+    assert (quality.points, quality.triangles, quality.genus) == (642, 1280, 0)
+    shortest, mean, longest = quality.edges
+    assert 0 < shortest < mean < longest < 0.1
+    assert np.degrees(quality.smallest_angle) > 50
+    assert quality.distortion is None
+    assert len(quality.places) == 0
+
+
+def folded_sphere() -> tuple[Surface, Surface, int]:
+    """A sphere, a copy with a point pulled past its neighbors in their plane, and the point."""
+    before = ball(3)
+    points = before.points.copy()
+    point = int(np.argmax(points[:, 2]))
+    ring = np.unique(before.triangles[(before.triangles == point).any(axis=1)])
+    far = ring[np.argmax(points[ring, 0])]
+    points[point, 0] += 2.0 * (points[far, 0] - points[point, 0])
+    points[point, 2] = points[ring, 2].min()
+    return before, before.with_points(points), point
+
+
+def test_a_point_pulled_past_its_neighbors_turns_triangles_over() -> None:
+    before, after, point = folded_sphere()
+    quality = surface_quality(after, before)
+    assert 1 <= len(quality.inverted) <= 3
+    assert (before.triangles[quality.inverted] == point).any(axis=1).all()
+    assert len(quality.folds) >= 2
+    assert any("turned over" in sentence for sentence in quality.sentences())
+
+
+def test_a_finger_through_the_other_side_is_found_where_it_is() -> None:
+    quality = surface_quality(self_intersecting_sphere(), ball(4))
+    assert len(quality.intersections) > 10
+    assert len(quality.places) == 1
+    np.testing.assert_allclose(quality.places[0], [0, 0, -1], atol=0.1)
+    assert quality.sentences()[0].startswith("the surface intersects itself: ")
+    assert " in 1 place, near (" in quality.sentences()[0]
+
+
+def test_plain_data_can_be_written_as_json() -> None:
+    before = ball(3)
+    points = before.points.copy()
+    points[before.triangles[0]] = points[before.triangles[0, 0]]
+    data = surface_quality(before.with_points(points), before).data()
+    read = json.loads(json.dumps(data, allow_nan=False))
+    assert read["distortion"]["shape_largest"] is None
+    assert read["slivers"]["count"] >= 1
+    assert len(read["slivers"]["first"]) <= 20
+
+
+def test_distortion_is_the_ratio_of_singular_values() -> None:
+    rng = np.random.default_rng(1)
+    before = ball(2)
+    after = before.with_points(
+        before.points @ rng.normal(size=(3, 3)) + 0.05 * rng.normal(size=(162, 3))
+    )
+    shapes, ratios, weights = [], [], []
+    for corners, images in zip(
+        before.points[before.triangles], after.points[after.triangles], strict=True
+    ):
+        frame, triangle = np.linalg.qr((corners[1:] - corners[0]).T)
+        del frame
+        linear = (images[1:] - images[0]).T @ np.linalg.inv(triangle)
+        a, b = np.linalg.svd(linear, compute_uv=False)
+        shapes.append(a / b)
+        ratios.append(a * b)
+        weights.append(abs(np.linalg.det(triangle)))
+    scale = np.average(ratios, weights=weights)
+    sizes = np.maximum(np.array(ratios) / scale, scale / np.array(ratios))
+    distortion = surface_distortion(after, before)
+    assert distortion["shape_mean"] == pytest.approx(np.average(shapes, weights=weights), rel=1e-9)
+    assert distortion["shape_largest"] == pytest.approx(max(shapes), rel=1e-9)
+    assert distortion["size_mean"] == pytest.approx(np.average(sizes, weights=weights), rel=1e-9)
+    assert distortion["size_largest"] == pytest.approx(sizes.max(), rel=1e-9)
+    below = np.array(shapes) <= distortion["shape_most"] * (1 + 1e-12)
+    assert 0.95 <= np.average(below, weights=weights) < 0.96

@@ -119,8 +119,3 @@ def test_folds_count_when_they_are_flat() -> None:
         )
         turned = points @ Rotation.random(random_state=4).as_matrix().T
         assert (len(intersecting_triangles(turned, triangles)) == 1) is meets
-
-
-def test_triangles_without_area_are_omitted() -> None:
-    points = np.array([[0, 0, 0], [2, 0, 0], [1, 0, 0], [0.5, -1, -1], [0.5, 1, -1], [0.5, 0, 1]])
-    assert pairs_of(points, np.array([[0, 1, 2], [3, 4, 5]])) == []

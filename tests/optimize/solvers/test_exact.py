@@ -13,7 +13,7 @@ import torch
 from common.kernels import slow_machine
 
 import dicedesign as dd
-from dicedesign.errors import InputError, NoStartError
+from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.options import ExactOptions, SobolevOptions
@@ -126,18 +126,12 @@ def test_starts_without_a_fixed_center_inside_are_skipped() -> None:
     np.testing.assert_allclose(poses.probabilities, target, atol=2e-12)
 
 
-def test_a_search_that_finds_no_shape_ends_on_any_machine() -> None:
-    def count_turns() -> int:
-        turns = count()
-        with pytest.raises(NoStartError, match="got none; take another start"):
-            solve_exact((None for _ in turns), np.array([0.5, 0.5]), ExactOptions())
-        return next(turns)
-
-    ends = count_turns()
-    with slow_machine():
-        assert count_turns() == ends
+def test_a_search_that_finds_no_shape_ends() -> None:
+    turns = count()
+    with pytest.raises(NoStartError, match="got none; take another start"):
+        solve_exact((None for _ in turns), np.array([0.5, 0.5]), ExactOptions())
     # Turns between shapes count as well.
-    starts = [*[None] * (ends - 2), repulsion(4, 0)]
+    starts = [*[None] * (next(turns) - 2), repulsion(4, 0)]
     assert solve_exact(starts, np.full(4, 0.25), ExactOptions()).status is Status.CONVERGED
 
 
@@ -153,25 +147,6 @@ def test_a_slow_machine_makes_the_same_die(target: list[float]) -> None:
     assert slow.history[-1].seconds > 1e6
 
 
-@pytest.mark.parametrize(
-    ("options", "arguments", "text"),
-    [
-        (
-            {"coordinates": "vertices"},
-            {"group": np.eye(3)[None]},
-            'symmetry: expected coordinates "facets", got .vertices',
-        ),
-        ({}, {"least_circle": 0.5}, r"expected a radius from 0 on and below 0\.5"),
-        ({}, {"group": np.eye(3)[None], "prior": "half:0,0,1"}, "prior: expected no symmetry"),
-    ],
-)
-def test_bad_arguments_are_refused_in_words(
-    options: dict[str, Any], arguments: dict[str, Any], text: str
-) -> None:
-    with pytest.raises(InputError, match=text):
-        solve_exact([], np.array([0.5, 0.5]), ExactOptions(**options), **arguments)
-
-
 def test_the_solver_accepts_a_prior_as_text() -> None:
     cube = np.array(list(product((-1.0, 1.0), repeat=3)))
     start, target = Start(cube, rest_poses(cube).normals), np.array([0.3, *[0.14] * 5])
@@ -180,9 +155,6 @@ def test_the_solver_accepts_a_prior_as_text() -> None:
     poses = rest_poses(result.hull.vertices).under("vmf:0,0,1:1")
     nearest = np.argmax(result.directions @ poses.normals.T, axis=1)
     np.testing.assert_allclose(poses.probabilities[nearest], target, atol=1e-12)
-    pair = Start(cube, start.directions[:2])
-    with pytest.raises(InputError, match="a shape with one rest for each of 2 labeled faces"):
-        solve_exact([pair], np.array([0.5, 0.5]), ExactOptions())
 
 
 PRIOR = dd.VonMisesFisher([0.2, 0.1, -1.0], 2.0)

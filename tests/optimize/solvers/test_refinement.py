@@ -93,18 +93,9 @@ class World:
 FACTORS = np.exp(np.random.default_rng(3).normal(scale=0.3, size=11))
 
 
-def test_rounds_lead_to_the_target_within_the_tolerance() -> None:
-    world = World(FACTORS, drift=0.5)
-    die, rounds = world.refined()
-    assert rounds[0].deviation > 0.08
-    assert world.deviation(die) < 0.008
-    assert rounds[-1].expected < 0.015
-    # Every round has random numbers of its own.
-    assert len(set(world.numbers)) == len(world.numbers) > 2
-
-
-def test_expected_deviations_are_the_true_ones_on_average() -> None:
-    """Over many runs, for the first die and the one that is kept."""
+def test_rounds_lead_to_the_target_and_expect_what_they_reach() -> None:
+    """Expected deviations are the true ones over several runs, for the first die and the one that
+    is kept."""
     expected, true = [], []
     for seed in range(8):
         factors = np.exp(np.random.default_rng([seed, 9]).normal(scale=0.3, size=11))
@@ -114,9 +105,13 @@ def test_expected_deviations_are_the_true_ones_on_average() -> None:
                 die, drops, number + 100 * seed
             )
         )
+        # Every round has random numbers of its own.
+        assert len(set(world.numbers)) == len(world.numbers) > 2
         best = next(one for one in rounds if one.is_kept)
         expected.append((rounds[0].expected, best.expected))
         true.append((world.deviation(die_with(TARGET)), world.deviation(die)))
+    assert np.min(true, axis=0)[0] > 0.05
+    assert np.mean(true, axis=0)[1] < 0.008
     first, last = np.mean(expected, axis=0) / np.mean(true, axis=0)
     assert first == pytest.approx(1.0, abs=0.1)
     # It is a cautious guess, as dice may differ in more than these do.
@@ -175,9 +170,8 @@ def test_a_worse_die_is_not_kept() -> None:
 
 
 def test_outcomes_of_one_orbit_have_equal_corrections() -> None:
-    orbits = np.array([0, 1, 2, 3, 4, 5, 4, 3, 2, 1, 0])
-    world = World(FACTORS[orbits])
-    die, _ = world.refined(orbits=orbits)
+    orbits = np.minimum(ALONE, 10 - ALONE)
+    die, _ = World(FACTORS[orbits]).refined(orbits=orbits)
     np.testing.assert_allclose(die.directions, die.directions[::-1], rtol=1e-12)
 
 
@@ -195,6 +189,9 @@ def test_a_correction_without_a_die_is_halved() -> None:
     die, _ = world.refined(design=design)
     assert refused
     assert world.deviation(die) < 0.02
+    die, rounds = world.refined(design=lambda *_: None)
+    assert len(rounds) == 1
+    np.testing.assert_array_equal(die.directions, TARGET)
 
 
 def test_few_throws_on_each_table_lead_to_the_mean() -> None:
@@ -205,12 +202,6 @@ def test_few_throws_on_each_table_lead_to_the_mean() -> None:
     assert world.improved[0]
     assert not any(world.improved[1:])
     assert rounds[0].deviation > 0.05
-
-
-def test_rounds_end_if_no_die_is_found() -> None:
-    die, rounds = World(FACTORS).refined(design=lambda die, probabilities, is_improved: None)
-    assert len(rounds) == 1
-    np.testing.assert_array_equal(die.directions, TARGET)
 
 
 def test_a_die_fair_by_symmetry_is_not_thrown() -> None:

@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import mpmath
 import numpy as np
 
+from benchmarks.stiff_designs import DesignProblem
 from dicedesign.errors import NoStartError
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.optimize.clusters import cluster
 from dicedesign.optimize.options import ExactOptions, PaperOptions
@@ -22,8 +24,14 @@ from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.workers import one_tensor_thread
 from tests.reference.measurement import Measurement, measure
-from tests.reference.oracle import exact_outcome_error
-from tests.reference.problem import DesignProblem, Problem
+from tests.reference.oracle import (
+    DIGITS,
+    exact,
+    facet_polygons,
+    oracle_probabilities,
+    solid_centroid,
+)
+from tests.reference.problem import Problem
 
 SUM_LIMIT = 1e-12
 """Tolerance on the sum of the probabilities of a step."""
@@ -123,6 +131,26 @@ def _end(
         if result.status is Status.CONVERGED and not error <= design.tolerance + limit:
             faults.append(f"converged with an error of {error:.1e} {name}")
     return exact
+
+
+def exact_outcome_error(
+    hull: ConvexHull, center: Floats | None, directions: Floats, target: Floats
+) -> float:
+    """Largest |p - q| of a die, each rest counted for the outcome whose direction is nearest.
+
+    hull: the die; center: (3,) center of mass, or None for that of the uniform solid in 60 digits;
+    directions: (k, 3) unit; target: (k,).
+
+    Raises OracleError if the die balances exactly.
+    """
+    with mpmath.workdps(DIGITS):
+        vertices = exact(hull.vertices)
+        middle = solid_centroid(vertices, hull.triangles) if center is None else center
+        misses = -exact(target)
+        probabilities = oracle_probabilities(vertices, facet_polygons(hull), [middle])
+        for normal, probability in zip(hull.normals, probabilities, strict=True):
+            misses[np.argmax(directions @ normal)] += probability
+        return float(abs(misses).max())
 
 
 def step_faults(
