@@ -14,8 +14,7 @@ import numpy as np
 
 from benchmarks.frame import NoAnswer, Report, Watched
 from benchmarks.stability_suite import stability_cases
-from benchmarks.stiff_designs import DesignProblem
-from benchmarks.watched_design import watch_design
+from benchmarks.stiff_designs import DesignProblem, run_design
 from tests.reference.measurement import ERROR_LIMIT, OK, Measurement, measure, verdict
 from tests.reference.problem import Problem, rotate_problem
 
@@ -114,7 +113,7 @@ def run_case(name: str, turns: int) -> Outcome:
     problem = case.build()
     if not isinstance(problem, DesignProblem):
         return _judge(_measure(problem, turns), problem.rests, problem.facets)
-    measurement, faults, seconds, ending = watch_design(problem)
+    measurement, faults, seconds, ending = run_design(problem)
     outcome = Outcome(OK) if measurement is None else _judge([measurement], None, None)
     said = faults[0] if faults else outcome.verdict
     return replace(outcome, seconds=seconds, verdict=said, ending=ending)

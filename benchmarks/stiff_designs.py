@@ -1,26 +1,40 @@
-"""Designs that are hard for a method."""
+"""Designs that are hard for a method, and how they end."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dicedesign.errors import NoStartError
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.sphere import norms, unit_vectors
-from dicedesign.optimize.starts.search import shapes_near
+from dicedesign.optimize.clusters import cluster
+from dicedesign.optimize.options import ExactOptions, PaperOptions
+from dicedesign.optimize.solvers.candidate import DesignStep
+from dicedesign.optimize.solvers.exact import solve_exact
+from dicedesign.optimize.solvers.paper import solve_paper
+from dicedesign.optimize.starts.search import shapes_like, shapes_near
 from dicedesign.optimize.starts.shapes import prism, repulsion
 from dicedesign.optimize.starts.start import Start
 from dicedesign.optimize.targets import Target, binomial, custom, fair, sum_of_dice
 from dicedesign.rest.poses import rest_poses
+from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.workers import one_tensor_thread
+from tests.reference.measurement import Measurement, measure
 from tests.reference.problem import Problem
 from tests.reference.stiff import off_balance
+
+ERROR_LIMIT = 1e-14
+"""Tolerance on the recorded error against that of the designed hull as read back; larger if its
+probabilities magnify the rounding of coordinates."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +45,7 @@ class DesignProblem:
     ----------
     start: shape and outcome directions.
     target: (k,) wanted probability of each direction.
-    method: see `benchmarks.watched_design.run_method`.
+    method: see `run_design`.
     coordinates: coordinates of the exact method.
     center_of_mass: (3,) in the coordinates of `start.points`, or None for the uniform solid.
     tolerance: largest |p - q| to end with.
@@ -230,3 +244,56 @@ def _symmetric() -> DesignProblem:
 def _exact() -> DesignProblem:
     target = custom([0.1, 0.1, 0.2, 0.2, 0.2, 0.2])
     return DesignProblem(repulsion(6, 0), target.probabilities, tolerance=1e-12)
+
+
+def run_design(design: DesignProblem) -> tuple[Measurement | None, list[str], float, str]:
+    """Run a design by its method, limited by its steps and not by the clock. Raises as the method,
+    except NoStartError.
+
+    Returns the measurement of the designed hull, or None if there was no first shape; the faults of
+    its steps and of its end; wall-clock seconds; and its end in a few words with the error of the
+    hull as read back.
+    """
+    faults: list[str] = []
+
+    def on_step(step: DesignStep) -> None:
+        numbers = [*step.terms.values(), step.energy, step.error]
+        if not np.isfinite(numbers).all():
+            faults.append(f"a number of step {step.step} is not finite")
+
+    watched: dict[str, Any] = {"center_of_mass": design.center_of_mass, "on_step": on_step}
+    started = time.perf_counter()
+    with one_tensor_thread():
+        try:
+            if design.method == "exact":
+                exact = ExactOptions(
+                    coordinates=design.coordinates,
+                    tolerance=design.tolerance,
+                    evaluations=design.steps,
+                )
+                result = solve_exact(shapes_like(design.start, 0), design.target, exact, **watched)
+            else:
+                paper = PaperOptions(
+                    step="line_search" if design.method == "line search" else "momentum",
+                    steps=design.steps,
+                    perturbation=design.perturbation,
+                    finish="exact" if design.method == "paper with finish" else "none",
+                    tolerance=design.tolerance,
+                )
+                result = solve_paper(design.start, design.target, paper, **watched)
+        except NoStartError as refused:
+            return None, faults, time.perf_counter() - started, str(refused).partition(";")[0]
+    seconds = time.perf_counter() - started
+    measurement = measure(Problem(result.hull.vertices, design.center_of_mass))
+    poses = rest_poses(result.hull.vertices, design.center_of_mass)
+    of_rest = cluster(poses.normals, result.directions).of_rest
+    sums = np.bincount(of_rest, poses.probabilities, len(design.target))
+    error = float(np.abs(sums - design.target).max())
+    limit = measurement.limit(abs(error - result.error), ERROR_LIMIT)
+    is_converged = result.status is Status.CONVERGED
+    if not abs(error - result.error) <= limit:
+        faults.append(f"error recorded as {result.error:.3e} is {error:.3e} read back")
+    if is_converged and not error <= design.tolerance + limit:
+        faults.append(f"converged with an error of {error:.1e}")
+    words = "converged" if is_converged else result.status.value.partition(";")[0]
+    return measurement, faults, seconds, f"{words}, max |p - q| {error:.0e}"
