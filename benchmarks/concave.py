@@ -40,9 +40,9 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.geometry.meshes.manifold import mesh_of
 from dicedesign.geometry.meshes.reading import stl_bytes
-from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.geometry.surfaces.closed_surface import decimate, make_surface, refine
-from dicedesign.geometry.triangles import Surface, doubled_area_vectors
+from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.runtime.arrays import Floats
 
@@ -84,9 +84,6 @@ SLIVER = 0.02
 WAVES = {"blobs": 0.03, "rings": 0.02}
 """Largest amplitude of the waves on models of some kinds."""
 
-HOLES, HOLE_REACH = 3, 0.04
-"""Number of holes in a broken model, and their radius over the diagonal."""
-
 MEASURED = (
     "points",
     "s",
@@ -118,7 +115,6 @@ class Case:
     model: name of a built-in one, or path of a file. target: as typed; fill: as typed.
     seconds: after which a die as wanted is not brought nearer to its model; None for no limit.
     most_points: to which larger surfaces are decimated first; None to leave them.
-    is_broken: whether a built-in model is broken first, and repaired by the recipe.
     """
 
     model: str
@@ -126,7 +122,6 @@ class Case:
     fill: str
     seconds: float | None
     most_points: int | None
-    is_broken: bool = False
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -158,16 +153,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default="correspondence",
         help="how the surface is made to fill its hull (default: correspondence)",
     )
-    parser.add_argument(
-        "--broken", action="store_true", help="models have holes and loose parts, to be repaired"
-    )
     parser.add_argument("--seconds", type=float, metavar="S", help="no improvement after that")
 
 
 def run(options: argparse.Namespace, report: Report) -> bool:
     """A row for each die, then one for each target and fill: in tables of their own where fills are
     compared, and for the meshes that were given."""
-    prefix = "fills " if options.fill == "both" else "broken " if options.broken else ""
+    prefix = "fills " if options.fill == "both" else ""
     columns = (
         "model 17s | target 12s | fill 14s | points 6d | s 6.1f | |p - q| 8.1e | "
         "elsewhere 8.1e | meet 4d | apart 6.1f | margin 6.1f | mean 7.2% | largest 7.1% | "
@@ -206,7 +198,7 @@ def cases_of(options: argparse.Namespace) -> Iterator[Case]:
         for model in models:
             for fill in fills:
                 most = most_points if fill == "paper" else None
-                yield Case(model, target, fill, seconds, most, options.broken)
+                yield Case(model, target, fill, seconds, most)
 
 
 def attempt(case: Case) -> tuple[dict[str, Any], str]:
@@ -218,8 +210,6 @@ def attempt(case: Case) -> tuple[dict[str, Any], str]:
             if not path.is_file():
                 name = case.model
                 surface = shape(name) if name in SHAPES else random_model(name)
-                if case.is_broken:
-                    surface = break_surface(surface, len(surface.points))
                 path = Path(folder) / "model.stl"
                 path.write_bytes(stl_bytes(surface))
             work = make_die(parse_recipe(entries_of(case, path)), "start")
@@ -247,7 +237,7 @@ def entries_of(case: Case, path: Path) -> dict[str, Any]:
     concave: dict[str, Any] = {} if case.seconds is None else {"seconds": case.seconds}
     if case.fill == "paper":
         concave |= {"hull": "paper", "fill": "paper", "attempts": 3}
-    start = {"mesh": {"path": str(path), "repair": case.is_broken}}
+    start = {"mesh": {"path": str(path)}}
     return {"name": "die", "target": target, "start": start, "method": {"concave": concave}}
 
 
@@ -354,27 +344,6 @@ def random_model(name: str) -> Surface:
                 and 1 - (points - triangles // 2) // 2 <= MAX_TUNNELS
             ):
                 return surface
-
-
-def break_surface(surface: Surface, seed: int) -> Surface:
-    """Surface with flaws of careless downloads: three round holes, a ball that is stuck through the
-    surface as a part of its own, another inside as an inner wall, and one triangle in fifty
-    twice."""
-    rng, points, triangles = np.random.default_rng(seed), surface.points, surface.triangles
-    middles, diagonal = points[triangles].mean(axis=1), surface.diagonal
-    holes = middles[rng.choice(len(middles), HOLES)]
-    kept = triangles[norms(middles[:, None] - holes).min(axis=1) > HOLE_REACH * diagonal]
-    place = kept[rng.integers(len(kept))]
-    outside, ball = points[place].mean(axis=0), mesh_of(Manifold.sphere(1.0, 24))
-    inward = -unit_vectors(doubled_area_vectors(points, place[None])[0])
-    parts = [(points, kept), (points, rng.choice(kept, len(kept) // 50))]
-    for radius, depth in ((0.05, 0.01), (0.01, 0.02)):
-        parts.append((diagonal * (radius * ball.points + depth * inward) + outside, ball.triangles))
-    starts = np.cumsum([0, *(len(corners) for corners, _ in parts)])
-    return Surface(
-        np.concatenate([corners for corners, _ in parts]),
-        np.concatenate([part + first for (_, part), first in zip(parts, starts, strict=False)]),
-    )
 
 
 def _blobs(rng: np.random.Generator) -> Manifold:

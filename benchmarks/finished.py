@@ -9,44 +9,27 @@ of a run, and compare them with prints that are made one by one: facets moved, a
 density graded, a bubble put in; roll prints that are as bad as is allowed; and make dice better by
 the preference `tolerance`. Exits 1 where a file is off by more than 1e-6, a thrown die by 1e-3, or
 a prediction by more than 5 % and chance.
-
-With --part prints, judge instead the prints of each recipe that the exact method makes into a die
-that is set down, those farthest off first: their total variation from the target, on average and of
-nine in ten, with facets that move as planes and with points that move on their own. Beside it are
-means by both for the recipe without and with the preference `tolerance`, and for other dice of its
-target and size: as by default, and by the first symmetry that leads there. With points all over its
-facets, the error of a place is not one of the whole facet but of its surface, and a die rests on
-the highest points, which vary less. Calipers measure whole facets, so points are too kind there,
-and a run moves planes. But points know roughness and layers. Exits 1 where a recipe's prints are
-off by more than .015 on average, by either.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from benchmarks.frame import Report, Work, add_recipes, make_die, read_recipes, with_method
-from dicedesign import DiceError, EngravingError, Recipe, parse_recipe
+from benchmarks.frame import Report, Work, add_recipes, make_die, read_recipes
+from dicedesign import EngravingError, Recipe, parse_recipe
 from dicedesign.fabricate.print_copies import (
     NOTICED,
     ROLLS,
     PrintedCopies,
     print_tolerances,
-    total_variations,
 )
 from dicedesign.fabricate.printers import FDM, PrintErrors
-from dicedesign.geometry.meshes.body import body_of
-from dicedesign.geometry.surfaces.closed_surface import refine
-from dicedesign.optimize.starts.orbit_layouts import fitting_groups
-from dicedesign.recipe.handsome import GROUPS
 from dicedesign.recipe.pipeline import run_stages
-from dicedesign.results.parts import Status
 from dicedesign.results.result import PrintTolerances
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.goodness_of_fit import LEVEL, chi_square
@@ -95,14 +78,8 @@ SLACK, SIGMAS = 0.05, 4.0
 """Relative error of a predicted deviation that counts as right, beside so many standard errors of
 sampling."""
 
-POINTS = 8.0 / np.sqrt(3.0)
-"""On an area of the square of a length, where points are half of that length apart."""
-
 TESTS = 20
 """Of each print, when prints are rolled."""
-
-MOST_OFF = 0.015
-"""Largest mean total variation of a recipe's prints from the target."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -111,21 +88,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--prints", type=int, metavar="N", help="of each die (default: 2000; quick: 150)"
     )
-    parser.add_argument(
-        "--part",
-        choices=("finish", "prints"),
-        default="finish",
-        help="finish dice, or judge prints of recipes (default: finish)",
-    )
-    parser.add_argument(
-        "--seeds", type=int, metavar="N", help="of other dice, from 0 on (default: 1)"
-    )
 
 
 def run(options: argparse.Namespace, report: Report) -> bool:
-    """Finished dice of the recipes and printed ones, or prints of the recipes."""
-    if options.part == "prints":
-        return judge_recipes(options, report)
+    """Finished dice of the recipes and printed ones."""
     row = report.table(
         "finished",
         "recipe 26s | finished 26s | status 10s | as it is 9.1e | balanced 9.1e | "
@@ -278,79 +244,3 @@ def roll_allowed(work: Work, prints: int) -> tuple[float, float, float]:
             counts = random.multinomial(ROLLS, probabilities / probabilities.sum(), size=TESTS)
             noticed += [chi_square(row, target).p_value < LEVEL for row in counts]
     return allowed, NOTICED, float(np.mean(noticed))
-
-
-def judge_recipes(options: argparse.Namespace, report: Report) -> bool:
-    """A row for each recipe, the worst first."""
-    recipes = [
-        recipe
-        for recipe in read_recipes(options)
-        if recipe.method.exact is not None and not recipe.method.is_thrown
-    ]
-    seeds = range(options.seeds or 1)
-    known: dict[str, list[Floats]] = {}
-    rows = []
-    for recipe in recipes[: 2 if options.quick else None]:
-        report.line(recipe.name)
-        exact, target, own = recipe.method.exact, recipe.target.target(), judge_prints(recipe)
-        weight = 1.0 if exact.prefer.tolerance == 0.0 else 0.0
-        other = replace(exact, prefer=exact.prefer.replace(tolerance=weight))
-        others = [own, own]
-        others[int(weight)] = judge_prints(with_method(recipe, exact=other))
-        key = str((sorted(target.face_probabilities), recipe.size_mm))
-        if key not in known:
-            groups = fitting_groups(target.face_probabilities)[:GROUPS]
-            known[key] = [
-                np.mean([judge_others(recipe, seed, names) for seed in seeds], axis=0)
-                for names in (["auto"], groups)
-            ]
-        rows.append((recipe, own, [*others, *known[key]]))
-    row = report.table(
-        "judged",
-        "recipe 26s | mm 4.0f | planes 7.2% | 9 in 10 7.2% | points 7.2% | 9 in 10 points "
-        "7.2% | no tolerance 14s | tolerance 14s | default 14s | symmetric 14s",
-    )
-    for recipe, own, others in sorted(rows, key=lambda one: one[1][::2].max(), reverse=True):
-        means = ["-" if np.isnan(one).any() else f"{one[0]:.2%}, {one[2]:.2%}" for one in others]
-        row(recipe.name, recipe.size_mm, *map(float, own), *means)
-    return all(own[::2].max() <= MOST_OFF for _, own, _ in rows)
-
-
-def judge_others(recipe: Recipe, seed: int, symmetries: list[str]) -> Floats:
-    """As `judge_prints`, of a die with the target and the size of a recipe alone, by the first
-    symmetry that leads there; NaN where none does."""
-    entries = recipe.as_dict()
-    kept = {name: entries[name] for name in ("name", "target", "size_mm", "engrave", "print")}
-    for symmetry in symmetries:
-        found = judge_prints(parse_recipe({**kept, "seed": seed, "symmetry": symmetry}))
-        if np.isfinite(found).all():
-            return found
-    return np.full(4, np.nan)
-
-
-def judge_prints(recipe: Recipe) -> Floats:
-    """Total variation (4,) of prints of the plain die from the target, on average and of nine in
-    ten, by planes and then by points; NaN where the recipe leads to no die."""
-    try:
-        work = make_die(recipe)
-    except DiceError:
-        return np.full(4, np.nan)
-    if work.status is not Status.CONVERGED:
-        return np.full(4, np.nan)
-    run_stages(work, after="inside", last="tolerances")
-    errors, printer = recipe.print.expected_errors, recipe.print.selected_printer
-    poses, die = work.plain.poses, work.die
-    points = POINTS * poses.hull.areas.sum() / errors.correlation_mm**2
-    copies = PrintedCopies.of(
-        body_of(refine(work.plain.body.surface, round(points))[0]),
-        poses,
-        die.directions,
-        np.array(work.printability.placement)[:3, :3],
-        errors.correlation_mm,
-        is_flat=False,
-        outcome_of=die.outcome_of,
-    )
-    prints = copies.probabilities(errors, printer.layer_mm)[:, :-1]
-    off = total_variations(work.target.probabilities, prints)
-    known = work.tolerances
-    return np.array([known.total_variation, known.nine_in_ten, off.mean(), np.quantile(off, 0.9)])

@@ -2,8 +2,7 @@
 
 Compare derivatives of probabilities with differences of a 60-digit model: on random hulls of
 triangles, on bodies with facets of many sides and their half-spaces, on bodies with paths that
-glance or graze, and just before and after the events at which probabilities or gradients jump; and
-time them. Exits 1 where an error is beyond its limit.
+glance or graze; and time them. Exits 1 where an error is beyond its limit.
 
 What the derivative is where corners leave a facet: see `tests.reference.oracle_derivatives`.
 So where the center of mass is given all corners move at random, and the body of the oracle breaks.
@@ -14,10 +13,6 @@ A path in the cell of p enters at u and crosses the arc of an edge vector v. Wit
 rho = r_p . v and alpha = -u . v, its direction changes by at most |d(rho, alpha)| over
 sqrt(rho^2 + alpha^2). So rho -> 0 alone is harmless (glancing): the gradient grows like 1 / rho
 only where alpha vanishes too (grazing), where the path enters beside the end of the arc.
-
-Four kinds of events there are while the center of mass moves. A facet becomes a rest, or a path
-passes the normal of a facet that is rolled onto over an edge: probabilities jump. A corner becomes
-a maximum, or a path passes the normal of another facet: only the gradient jumps.
 """
 
 from __future__ import annotations
@@ -25,7 +20,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -36,9 +31,6 @@ from dicedesign import RestEvaluation, evaluate_rests
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.methods import FacetCoordinates
-from dicedesign.rest.equilibria import classify
-from dicedesign.rest.morse import separatrices
-from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats
 from dicedesign.starts import hendecahedron, prism, repulsion
 from tests.reference import solids
@@ -48,7 +40,6 @@ from tests.reference.oracle_derivatives import (
     derivative,
     derivative_condition,
     half_space_motion,
-    oracle_derivative,
 )
 from tests.reference.problem import Problem, rotate_problem
 from tests.reference.random_hulls import random_hull
@@ -60,24 +51,6 @@ machine epsilon."""
 
 OFF_CENTER = 0.2
 """How far a given center of mass is from the centroid, over its distance from the nearest facet."""
-
-EVENT_BODIES = range(20, 50)
-"""Random hulls that meet each kind of event several times."""
-
-BESIDE = 1e-10
-"""Distance from an event, over the body's radius, at which both sides are looked at."""
-
-JUMP, KINK, EVENT_ERROR = 1e-6, 1e-7, 1e-8
-"""A probability has jumped that differs by more; a derivative that differs by more of the largest;
-the largest error of derivatives beside an event."""
-
-RESTS, DESTINATION, MAXIMUM, PATH = EVENTS = (
-    "a facet becomes a rest",
-    "a path meets a facet rolled onto",
-    "a corner becomes a maximum",
-    "a path meets another facet",
-)
-"""In each, the other way round is meant too."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +85,6 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         compare_many("random hulls", random_hulls(100 if quick else 1000), report),
         compare_many("polygons", polygons(12 if quick else None, 20 if quick else 200), report),
         compare_growths(6 if quick else 14, report),
-        compare_events(3 if quick else len(EVENT_BODIES), report),
     ]
     time_derivatives(0.1 if quick else 1.0, report)
     return all(are_good)
@@ -315,142 +287,6 @@ def compare_growths(count: int, report: Report) -> bool:
     report.line(f"the gradient of grazing paths grows like (r_p . v)^{exponent:.4f}")
     report.record["grazing exponent"] = exponent
     return is_good
-
-
-@dataclass(frozen=True)
-class Event:
-    """What probabilities and derivatives do at a change of decisions.
-
-    Attributes
-    ----------
-    jump: largest difference of a probability; slope: largest derivative beside it, for a move by
-        the body's radius; kink, error: largest difference of derivatives from those on the other
-        side, and from the oracle's, over the slope.
-    """
-
-    kind: str
-    jump: float
-    slope: float
-    kink: float
-    error: float
-
-
-def compare_events(bodies: int, report: Report) -> bool:
-    """Events on the way of the center of mass of random bodies, by kind: each is to jump as its
-    kind does, and the derivatives on both sides are to be right."""
-    events = [event for number in EVENT_BODIES[:bodies] for event in Walk(number).events()]
-    row = report.table(
-        "events",
-        "event 34s | met 5d | probabilities jump 5d | only slope 5d | slope 9.1e | error 9.1e | "
-        "not ok 6d",
-    )
-    all_wrong = 0
-    for kind in EVENTS:
-        met = [event for event in events if event.kind == kind]
-        jumps = [event.jump > JUMP for event in met]
-        kinks = sum(event.jump <= JUMP and event.kink > KINK for event in met)
-        wrong = sum(
-            jumps_now != (kind in (RESTS, DESTINATION)) or event.error > EVENT_ERROR
-            for jumps_now, event in zip(jumps, met, strict=True)
-        )
-        slope = max((event.slope for event in met), default=0.0)
-        error = max((event.error for event in met), default=0.0)
-        row(kind, len(met), sum(jumps), kinks, slope, error, wrong)
-        all_wrong += wrong
-    return all_wrong == 0
-
-
-class Walk:
-    """The center of mass of a random hull on its way from the centroid, half the way out."""
-
-    def __init__(self, number: int) -> None:
-        self.hull = convex_hull(random_hull(number)[1].points)
-        self.direction = unit_vectors(np.random.default_rng(number).normal(size=3))
-        self.radius = float(norms(self.hull.vertices - self.hull.centroid).max())
-        along = self.hull.normals @ self.direction * self.radius
-        heights = self.hull.heights(self.hull.centroid)
-        self.reach = 0.5 * min(1.0, float((heights[along > 0.0] / along[along > 0.0]).min()))
-
-    def center(self, time: float) -> Floats:
-        """Of mass (3,), at a time of which 1 is the body's radius."""
-        return self.hull.centroid + time * self.radius * self.direction
-
-    def decisions(self, time: float) -> dict[str, Floats]:
-        """What the hull does, as an array for each kind of event."""
-        hull, equilibria = self.hull, classify(self.hull, self.center(time))
-        paths = separatrices(equilibria)
-        rolling = equilibria.roll_edge[equilibria.roll_edge >= 0]
-        onto = np.concatenate(
-            [hull.facet[np.flatnonzero(equilibria.saddle)], hull.facet[hull.twin[rolling]]]
-        )
-        destined = np.full(len(hull.normals), -1)
-        destined[onto] = trace_to_rests(equilibria, onto)
-        steps = np.arange(paths.padded_crossings.shape[1])
-        crossed = np.where((steps < paths.lengths[:, None])[..., None], paths.padded_crossings, -1)
-        return {
-            RESTS: equilibria.stable,
-            MAXIMUM: equilibria.maximum,
-            DESTINATION: destined,
-            PATH: crossed,
-        }
-
-    def events(self) -> Iterator[Event]:
-        """Each place where decisions change, found by bisection."""
-        times = np.linspace(0.0, self.reach, 100)
-        for (low, before), (high, after) in pairwise((t, self.decisions(t)) for t in times):
-            if kind_between(before, after) is None:
-                continue
-            for _ in range(30):
-                middle = 0.5 * (low + high)
-                between = self.decisions(middle)
-                if kind_between(before, between) is None:
-                    low = middle
-                else:
-                    high, after = middle, between
-            kind, left, right = kind_between(before, after), low - BESIDE, high + BESIDE
-            # Else another event is so near that it would be seen along with this one.
-            if not (
-                kind_between(before, self.decisions(left))
-                or kind_between(after, self.decisions(right))
-            ):
-                (p, dp), (q, dq) = self.slopes(left), self.slopes(right)
-                slope = float(np.abs([dp, dq]).max())
-                still, moving = np.zeros_like(self.hull.vertices), self.radius * self.direction
-                exact = [
-                    oracle_derivative(self.hull, self.center(side), still, moving)
-                    for side in (left, right)
-                ]
-                kink, error = np.abs(dp - dq).max(), np.abs(np.subtract([dp, dq], exact)).max()
-                yield Event(
-                    kind,
-                    float(np.abs(p - q).max()),
-                    slope,
-                    float(kink) / slope,
-                    float(error) / slope,
-                )
-
-    def slopes(self, time: float) -> tuple[Floats, Floats]:
-        """Probabilities (m,) of all facets, and their derivatives (m,)."""
-        center = torch.tensor(self.center(time), requires_grad=True)
-        vertices = torch.tensor(self.hull.vertices)
-        rests = RestEvaluation(classify(self.hull, self.center(time)), vertices, center)
-        values, slopes = np.zeros((2, len(self.hull.normals)))
-        for facet, probability in zip(rests.paths.rests, rests.probabilities, strict=True):
-            values[facet] = probability.item()
-            (gradient,) = torch.autograd.grad(probability, center, retain_graph=True)
-            slopes[facet] = gradient.numpy() @ self.direction * self.radius
-        return values, slopes
-
-
-def kind_between(before: dict[str, Floats], after: dict[str, Floats]) -> str | None:
-    """Which of `EVENTS` lies between two decisions, if any."""
-    for kind in (RESTS, MAXIMUM):
-        if (before[kind] != after[kind]).any():
-            return kind
-    both = (before[DESTINATION] >= 0) & (after[DESTINATION] >= 0)
-    if (before[DESTINATION] != after[DESTINATION])[both].any():
-        return DESTINATION
-    return None if np.array_equal(before[PATH], after[PATH]) else PATH
 
 
 def time_derivatives(seconds: float, report: Report) -> None:

@@ -27,9 +27,8 @@ import numpy as np
 import torch
 from scipy.spatial import ConvexHull
 
-from benchmarks.accuracy import stable_poses
+from benchmarks.accuracy import lattice_directions, random_directions, stable_poses
 from benchmarks.frame import Report, Watched, panels, time_in_turn
-from benchmarks.sampled import lattice_directions, random_directions
 from dicedesign import (
     RestPoses,
     differentiable_rest,
@@ -295,8 +294,9 @@ def peak_memory(work: str) -> float | None:
     code = (
         "import json; from scipy.spatial import ConvexHull; from dicedesign import rest_poses\n"
         "from dicedesign.runtime.clock import peak_megabytes\n"
-        "from benchmarks.sampled import random_directions\n"
-        f"rest_poses(random_directions(20, 0)); points = random_directions({MEMORY_POINTS}, 0)\n"
+        "import numpy as np\n"
+        f"points = np.random.default_rng(0).normal(size=({MEMORY_POINTS}, 3))\n"
+        "points /= np.linalg.norm(points, axis=1, keepdims=True); rest_poses(points[:20])\n"
         f"{work}\nprint(json.dumps(peak_megabytes()))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)

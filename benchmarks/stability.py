@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.frame import NoAnswer, Report, Watched
-from benchmarks.stability_suite import stability_cases
-from benchmarks.stiff_designs import DesignProblem, run_design
+from benchmarks.stiff_designs import DesignProblem, design_cases, run_design
 from tests.reference.measurement import ERROR_LIMIT, OK, Measurement, measure, verdict
-from tests.reference.problem import Problem, rotate_problem
+from tests.reference.problem import Case, Problem, rotate_problem
+from tests.reference.stability_suite import body_cases
 
 PATIENCE = 60.0
 """Seconds after which a case counts as hanging; large ones get a millisecond more per point."""
@@ -48,6 +48,11 @@ class Outcome:
     condition: float | None = None
     seconds: float = 0.0
     ending: str = ""
+
+
+def stability_cases() -> list[Case]:
+    """All bodies and designs, with unique names."""
+    return [*body_cases(), *design_cases()]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -29,7 +29,7 @@ from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.workers import one_tensor_thread
 from tests.reference.measurement import Measurement, measure
-from tests.reference.problem import Problem
+from tests.reference.problem import Case, Problem, case
 from tests.reference.stiff import off_balance
 
 ERROR_LIMIT = 1e-14
@@ -61,43 +61,6 @@ class DesignProblem:
     tolerance: float = 1e-3
     perturbation: float = 1e-3
     steps: int = 400
-
-
-@dataclass(frozen=True)
-class Case:
-    """A row of a suite; see `case`.
-
-    Attributes
-    ----------
-    name: unique in its suite.
-    build: makes the problem.
-    turns: number of random rotations in which it is also tried.
-    points: rough number of points of a large problem, 0 for small ones.
-    quick: whether it belongs to the short suite.
-    kind: what it is summed up with.
-    """
-
-    name: str
-    build: Callable[[], Problem | DesignProblem]
-    turns: int = 0
-    points: int = 0
-    quick: bool = True
-    kind: str = ""
-
-
-def case(
-    build: Callable[..., Problem | DesignProblem],
-    *arguments: object,
-    turns: int = 0,
-    points: int = 0,
-    quick: bool = True,
-    **options: object,
-) -> Case:
-    """A case named after the function that makes it and its arguments."""
-    values = (getattr(value, "__name__", value) for value in (*arguments, *options.values()))
-    words = (f"{value:g}" if isinstance(value, float) else str(value) for value in values)
-    name = " ".join([build.__name__.replace("_", " ").strip(), *words])
-    return Case(name, partial(build, *arguments, **options), turns, points, quick)
 
 
 AXES = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])

@@ -79,15 +79,6 @@ def test_designs_over_seeds(capsys: pytest.CaptureFixture[str]) -> None:
     assert exact["median error"] < 1e-12 < plain["median error"]
 
 
-def test_prints_of_a_recipe_by_derivatives_and_by_copies(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    recipe = ROOT / "recipes" / "fair_d3.yaml"
-    (row,) = run(capsys, "finished", recipe, "--part", "prints")["judged"]
-    assert 0.0 < row["derivatives"] < row["9 in 10"] < 0.01
-    assert 0.0 < row["copies"] < row["9 in 10 copies"] < 0.01
-
-
 def test_gradients_and_a_wrong_one(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = random_hull(1)[1]
     assert gradients.compare(problem, seed=0, with_center=True).is_right

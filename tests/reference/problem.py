@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,3 +44,40 @@ def rotate_problem(problem: Problem, seed: int) -> Problem:
     matrix = Rotation.random(random_state=seed).as_matrix()
     center = None if problem.center is None else matrix @ problem.center
     return replace(problem, points=problem.points @ matrix.T, center=center, symmetries=())
+
+
+@dataclass(frozen=True)
+class Case:
+    """A row of a suite; see `case`.
+
+    Attributes
+    ----------
+    name: unique in its suite.
+    build: makes the problem.
+    turns: number of random rotations in which it is also tried.
+    points: rough number of points of a large problem, 0 for small ones.
+    quick: whether it belongs to the short suite.
+    kind: what it is summed up with.
+    """
+
+    name: str
+    build: Callable[[], Any]
+    turns: int = 0
+    points: int = 0
+    quick: bool = True
+    kind: str = ""
+
+
+def case(
+    build: Callable[..., Any],
+    *arguments: object,
+    turns: int = 0,
+    points: int = 0,
+    quick: bool = True,
+    **options: object,
+) -> Case:
+    """A case named after the function that makes it and its arguments."""
+    values = (getattr(value, "__name__", value) for value in (*arguments, *options.values()))
+    words = (f"{value:g}" if isinstance(value, float) else str(value) for value in values)
+    name = " ".join([build.__name__.replace("_", " ").strip(), *words])
+    return Case(name, partial(build, *arguments, **options), turns, points, quick)

@@ -1,4 +1,4 @@
-"""Suite of stiff and extreme bodies and designs."""
+"""Suite of stiff and extreme bodies."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from itertools import product
 import numpy as np
 from scipy.spatial import ConvexHull as Triangulation
 
-from benchmarks.stiff_designs import Case, case, design_cases
 from tests.reference import extremes, solids, stiff
-from tests.reference.problem import Problem
+from tests.reference.problem import Case, Problem, case
 from tests.reference.solids import ARCHIMEDEAN, PLATONIC
 
 TURNS = 20
@@ -24,8 +23,8 @@ QUICK_SIDES = (3, 4, 5, 6, 7, 12, 17, 32, 64)
 """Sides in the short suite."""
 
 
-def stability_cases() -> tuple[Case, ...]:
-    """All cases, with unique names."""
+def body_cases() -> list[Case]:
+    """All bodies, with unique names."""
     families = {
         "symmetric": _symmetric,
         "flat angles, needles, plates": _degenerate,
@@ -35,8 +34,7 @@ def stability_cases() -> tuple[Case, ...]:
         "large": _large,
         "untidy points": _inputs,
     }
-    bodies = [replace(case, kind=kind) for kind, family in families.items() for case in family()]
-    return (*bodies, *design_cases())
+    return [replace(case, kind=kind) for kind, family in families.items() for case in family()]
 
 
 def _symmetric() -> Iterator[Case]:
