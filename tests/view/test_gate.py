@@ -6,6 +6,7 @@ import asyncio
 import http.client
 import socket
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -108,8 +109,11 @@ def test_browsers_cannot_publish_the_page(local: View, monkeypatch: pytest.Monke
     monkeypatch.setattr(server, "_thread_executor", Inline())
     for name in ("request_share_url", "disconnect_share_url"):
         monkeypatch.setattr(server, name, partial(calls.append, name))
-    for message in (ShareUrlRequest(), ShareUrlDisconnect()):
-        asyncio.run(server._websock_server._handle_incoming_message(0, message))
+    # A browser of other tests has an event loop in this thread.
+    with ThreadPoolExecutor(1) as thread:
+        for message in (ShareUrlRequest(), ShareUrlDisconnect()):
+            handled = server._websock_server._handle_incoming_message(0, message)
+            thread.submit(asyncio.run, handled).result()
     assert calls == []
 
 
