@@ -249,13 +249,11 @@ def test_a_file_with_other_probabilities_is_discarded(tmp_path: Path) -> None:
         return file_formats.obj(replace(contents, parts=[replace(part, points=points)]))
 
     known = FILE_FORMATS["obj"]
-    FILE_FORMATS.unregister("obj")
-    FILE_FORMATS.register(replace(known, write=dent))
+    FILE_FORMATS.register(replace(known, write=dent), replace=True)
     try:
         result = run({**COIN, "engrave": False, "files": "obj"}, tmp_path / "coin")
     finally:
-        FILE_FORMATS.unregister("obj")
-        FILE_FORMATS.register(known)
+        FILE_FORMATS.register(known, replace=True)
     assert not result.converged
     assert "die_plain.obj" in result.message
     assert {path.name for path in (tmp_path / "coin").iterdir()} >= {"die_plain.stl", "result.json"}

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
-import nbformat
 import numpy as np
 import pytest
 from common.finished import finished_box, page_text
@@ -112,7 +112,7 @@ def test_a_result_without_files_shows_its_table_alone() -> None:
 
 def test_the_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    notebook = nbformat.read(ROOT / "examples" / "first_die.ipynb", as_version=4)
-    cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
-    exec(compile("\n".join(cells), "first_die", "exec"), {})
+    notebook = json.loads((ROOT / "examples" / "first_die.ipynb").read_text())
+    code = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    exec(compile("\n".join(code), "first_die", "exec"), {})
     assert (tmp_path / "total_of_2d4.stl").is_file()
