@@ -160,8 +160,8 @@ def best_center(
         served = objective(now, 0.0)
         directions = served.directions
         if isinstance(goal, Standing):
-            probability, top = pose_probabilities(now, np.stack([directions[0], now.normals[0]]))
-            reached = bool(probability >= top)
+            top = pose_probabilities(now, now.normals[:1])
+            reached = bool(pose_probabilities(now, directions) >= top)
         else:
             wanted = served.wanted[: len(directions)]
             error = np.abs(served.probabilities - served.wanted).max()

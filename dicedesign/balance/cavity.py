@@ -78,14 +78,14 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
     solid.
     """
     room, _ = within_walls(surface, wall)
-    plane = balancing_plane(room, center, surface.volume * (surface.centroid - center))
-    if plane is None:
+    cut = beyond_plane(room, center, surface.volume * (surface.centroid - center))
+    if cut is None:
         far = float(norms(center - surface.centroid))
         raise InputError(
             f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from the "
             f"uniform solid's, too far for walls of {wall:g}; reduce wall_mm"
         )
-    return mesh_of(room.trim_by_plane(*plane))
+    return mesh_of(cut[0])
 
 
 def weigh_part(part: Manifold) -> tuple[float, Floats]:
@@ -96,9 +96,9 @@ def weigh_part(part: Manifold) -> tuple[float, Floats]:
     return surface.volume, surface.centroid
 
 
-def balancing_plane(room: Manifold, center: Floats, moment: Floats) -> Plane | None:
-    """Plane beyond which is the smallest part of a solid with a moment (3,) about a center (3,).
-    None if no part has the moment.
+def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> tuple[Manifold, Plane] | None:
+    """Smallest part of a solid with a moment (3,) about a center (3,): all that is beyond a plane;
+    and the plane. None if no part has the moment.
 
     moment: not 0, in the fourth power of the unit of length. With lengths of about 1 and the center
     at the origin, the plane's normal over its distance is the minimizer x of the convex function
@@ -113,10 +113,12 @@ def balancing_plane(room: Manifold, center: Floats, moment: Floats) -> Plane | N
     if farthest <= 0.0:
         return None
 
+    def beyond(plane: Floats) -> Manifold:
+        return room.trim_by_plane(tuple(plane), 1.0 / float(norms(plane)))
+
     def at(plane: Floats) -> tuple[float, Floats]:
         """Value and gradient of the function."""
-        part = room.trim_by_plane(tuple(plane), 1.0 / float(norms(plane)))
-        volume, centroid = weigh_part(part)
+        volume, centroid = weigh_part(beyond(plane))
         slope = volume * centroid - moment
         return float(plane @ slope) - volume, slope
 
@@ -136,7 +138,8 @@ def balancing_plane(room: Manifold, center: Floats, moment: Floats) -> Plane | N
         if norms(slope) <= CENTERED:
             size = float(norms(now))
             normal = now / size
-            return tuple(normal), float(normal @ center) + unit / size
+            part = beyond(now).scale((unit,) * 3).translate(tuple(center))
+            return part, (tuple(normal), float(normal @ center) + unit / size)
         step = -np.linalg.solve(curvature(now), slope)
         step *= min(1.0, float(norms(now) / norms(step)))
         for _ in range(HALVINGS):

@@ -15,7 +15,7 @@ from manifold3d import Manifold, OpType
 from scipy.stats import qmc
 
 from dicedesign.balance.cavity import (
-    balancing_plane,
+    beyond_plane,
     large_parts,
     least_wall,
     measure_cavities,
@@ -205,15 +205,16 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Move
         tubes = [hole.tube() for hole in holes]
         rest, free = _without(body, tubes), _without(room, tubes)
         outer = mesh_of(rest)
-        plane = balancing_plane(free, center, outer.volume * (outer.centroid - center))
-        if plane is None:
+        cut = beyond_plane(free, center, outer.volume * (outer.centroid - center))
+        if cut is None:
             raise InputError(
                 f"drain_mm: expected a hole of {2.0 * radius:g} mm that leaves a cavity, got none "
                 "with its center of mass where it is wanted; reduce drain_mm or wall_mm"
             )
+        whole, plane = cut
         closed = [
             part
-            for part in free.trim_by_plane(*plane).decompose()
+            for part in whole.decompose()
             if not any(tube.min_gap(part, radius) < 1e-6 * radius for tube in tubes)
         ]
         if not closed:
@@ -260,13 +261,13 @@ def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) 
     mass, middle = _weigh(surface, [(room, more - 1.0)])
     files = {"": stl_bytes(surface)}
     if is_shifted(surface, surface.centroid + center - middle):
-        plane = balancing_plane(room, center, mass * (middle - center) / (more - less))
-        if plane is None:
+        cut = beyond_plane(room, center, mass * (middle - center) / (more - less))
+        if cut is None:
             raise InputError(
                 f"infill: expected two infills that lead {np.linalg.norm(center - middle):.3g} mm "
                 f"away, got {less:g} and {more:g}; take others"
             )
-        files[MODIFIER] = stl_bytes(mesh_of(solid(surface).trim_by_plane(*plane)))
+        files[MODIFIER] = stl_bytes(mesh_of(solid(surface).trim_by_plane(*cut[1])))
     # From here on by the files.
     surface = read_stl(files[""]).surface
     room, wall = within_walls(surface, material.wall_mm)

@@ -53,11 +53,10 @@ class ConvexObject:
 
     def make_unlabeled(self, core: ConvexHull) -> Surface:
         """Make the solid without labels."""
-        hull = core
-        if self.edges is not None:
-            center = core.centroid if self.offset is None else core.centroid + self.offset
-            hull = round_edges(core, center, self.edges)
-        return hull.surface
+        if self.edges is None:
+            return core.surface
+        center = core.centroid if self.offset is None else core.centroid + self.offset
+        return round_edges(core, center, self.edges).surface
 
     def make_balanced(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """Make the solid that has the object's probabilities: engraved, or whole if labels are

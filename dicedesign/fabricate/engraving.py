@@ -29,9 +29,10 @@ from dicedesign.fabricate.label_layout import (
     place_labels,
 )
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
-from dicedesign.geometry.triangles import Surface, edge_neighbors, find_parts
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
@@ -57,15 +58,14 @@ class LabelCut:
 
 
 def _cuts(
-    hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
+    plain: Surface, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[LabelCut]:
-    """Material that all labels remove from the solid with this hull."""
+    """Material that all labels remove from a convex solid."""
     cuts = []
-    for placement, section in cut_sections(hull, placements, options):
+    for placement, section in cut_sections(convex_hull(plain.points), placements, options):
         depth = options.depth_mm * placement.depth_share
         # The cutter extends above the facet, so that none of its faces is coplanar with it.
-        cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
-        cutter = cutter.transform(placement.frame[:3])
+        cutter = placement.sink(section, depth, 2 * depth)
         cuts.append(LabelCut(placement.where, cutter, section.area() * depth))
     return cuts
 
@@ -148,8 +148,7 @@ def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingO
     InputError: the plain mesh is no solid.
     EngravingError: a check failed; the message says which, and names the labels at fault.
     """
-    cuts = _cuts(convex_hull(plain.points), placements, options)
-    return cut_out(solid(plain), cuts, options)
+    return cut_out(solid(plain), _cuts(plain, placements, options), options)
 
 
 def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
@@ -157,9 +156,8 @@ def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOpt
 
     Parameters as for `engrave`, which checks them.
     """
-    cuts = _cuts(convex_hull(plain.points), placements, options)
-    cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)
-    return mesh_of(solid(plain) ^ cutters)
+    cutters = [cut.cutter for cut in _cuts(plain, placements, options)]
+    return mesh_of(solid(plain) ^ Manifold.batch_boolean(cutters, OpType.Add))
 
 
 def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions) -> Surface:
@@ -302,10 +300,8 @@ def labels_below_hull(marked: Surface, depth: float) -> Booleans:
     """
     middles = marked.points[marked.triangles].mean(axis=1)
     is_below = convex_hull(marked.points).least_depths(middles) > OFF * depth
-    across = edge_neighbors(marked.triangles)
-    one, edge = np.nonzero(across >= 0)
-    part = find_parts(one, across[one, edge], len(across))
-    return is_below & np.isin(part, part[~is_below])
+    shells = shells_of(marked.triangles)
+    return is_below & np.isin(shells, shells[~is_below])
 
 
 def labels_off_surface(marked: Surface, plain: Surface, depth: float) -> Booleans:

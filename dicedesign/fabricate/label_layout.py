@@ -7,12 +7,12 @@ top, upright toward it, as on a tetrahedron. Lengths are in millimeters.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from manifold3d import CrossSection
+from manifold3d import CrossSection, Manifold
 
 from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
@@ -103,31 +103,44 @@ def die_readings(
     ------
     EngravingError: the die cannot be read in this way; the message names an outcome and its top.
     """
-    below = _on_facets("down", hull, labels, facets)
+
+    def on_facets(way: str, *sides: Integers) -> Reading:
+        """Labels on whole facets, of which each outcome has one in each of the sides (k,)."""
+        return _reading(
+            way,
+            labels,
+            hull,
+            [
+                (outcome, facet, hull.polygon(facet))
+                for outcome, own in enumerate(np.stack(sides, axis=1).tolist())
+                for facet in own
+            ],
+        )
+
+    below = on_facets("down", facets)
     if read == "down":
         return (below,)
     level, above = opposite_facets(hull, facets), None
-
-    def describe_top(outcome: int) -> str:
-        lean = angle_between(-hull.normals[facets[outcome]], hull.normals).min()
-        return f"one that leans by {np.degrees(lean):.0f} degrees"
-
-    flaw = _flaw(facets, labels, level, "level facet", read, describe_top)
+    leans = np.degrees(
+        angle_between(-hull.normals[facets][:, None], hull.normals[None]).min(axis=1)
+    )
+    without = [f"one that leans by {lean:.0f} degrees" for lean in leans]
+    flaw = _flaw(facets, labels, level, "level facet", read, without)
     if not flaw:
-        above = _on_facets("up", hull, labels, level)
-        if read == "both":
-            above = _on_facets("both", hull, labels, facets, level)
+        above = on_facets("both", facets, level) if read == "both" else on_facets("up", level)
     elif read == "up" or (read == "auto" and len(facets) == len(hull.normals) == ALL_AROUND):
         corners = np.array([_top_corner(hull, facet) for facet in facets.tolist()])
-        other = _flaw(facets, labels, corners, "corner", read, lambda _: "none seen from above")
+        without = ["none seen from above"] * len(facets)
+        other = _flaw(facets, labels, corners, "corner", read, without)
         if not other:
             above = _around_corners(hull, labels, corners, facets)
         elif (corners >= 0).sum() > (level >= 0).sum():
             flaw = other
-    if above is None and read != "auto":
+    if read == "auto":
+        return (below,) if above is None else (above, below)
+    if above is None:
         raise EngravingError(flaw)
-    better = () if above is None else (above,)
-    return (*better, below) if read == "auto" else better
+    return (above,)
 
 
 def _flaw(
@@ -136,11 +149,11 @@ def _flaw(
     on_top: Integers,
     what: str,
     read: str,
-    absent: Callable[[int], str],
+    without: Sequence[str],
 ) -> str:
     """Sentence about the first outcome with nothing (k,) of its own on top of it, or "".
 
-    what: is expected on top; absent: describes its absence from an outcome.
+    what: is expected on top; without: k descriptions of a top without it.
     """
     for outcome, top in enumerate(on_top.tolist()):
         is_same = on_top == top
@@ -148,7 +161,7 @@ def _flaw(
             is_same |= facets == top
         is_same[outcome] = False
         if top < 0:
-            got = absent(outcome)
+            got = without[outcome]
         elif is_same.any():
             got = f"one that {labels[int(is_same.argmax())]!r} has too"
         else:
@@ -160,35 +173,36 @@ def _flaw(
     return ""
 
 
-def _on_facets(way: str, hull: ConvexHull, labels: Sequence[str], *sides: Integers) -> Reading:
-    """Labels on whole facets; sides: (k,) facets of the outcomes."""
-    places = tuple(
-        LabelPlace(text, outcome, facet, hull.polygon(facet), hull.normals[facet])
-        for outcome, (text, mine) in enumerate(zip(labels, np.stack(sides, axis=1), strict=True))
-        for facet in mine.tolist()
+def _reading(
+    way: str,
+    labels: Sequence[str],
+    hull: ConvexHull,
+    regions: Sequence[tuple[int, int, Floats]],
+) -> Reading:
+    """Reading of labels in regions: the outcome, the facet, and the corners (m, 3) of each."""
+    places = (
+        LabelPlace(labels[outcome], outcome, facet, region, hull.normals[facet])
+        for outcome, facet, region in regions
     )
-    return Reading(way, places)
+    return Reading(way, tuple(places))
 
 
 def _around_corners(
     hull: ConvexHull, labels: Sequence[str], corners: Integers, facets: Integers
 ) -> Reading:
     """Labels on all facets around the top corner (k,) of a die that rests on a facet (k,)."""
-    places = []
-    for outcome, (corner, below) in enumerate(zip(corners.tolist(), facets.tolist(), strict=True)):
-        for half_edge in _leaving(hull, corner):
-            facet = int(hull.facet[half_edge])
-            if facet != below:
-                region = _corner_region(hull, half_edge)
-                normal = hull.normals[facet]
-                places.append(LabelPlace(labels[outcome], outcome, facet, region, normal))
-    return Reading("corner", tuple(places))
+    regions = [
+        (outcome, int(hull.facet[half_edge]), _corner_region(hull, half_edge))
+        for outcome, (corner, below) in enumerate(zip(corners, facets, strict=True))
+        for half_edge in _leaving(hull, corner)
+        if hull.facet[half_edge] != below
+    ]
+    return _reading("corner", labels, hull, regions)
 
 
-def _leaving(hull: ConvexHull, corner: int) -> list[int]:
+def _leaving(hull: ConvexHull, corner: int) -> Integers:
     start, half_edges = hull.outgoing
-    leaving: list[int] = half_edges[start[corner] : start[corner + 1]].tolist()
-    return leaving
+    return half_edges[start[corner] : start[corner + 1]]
 
 
 def _corner_region(hull: ConvexHull, half_edge: int) -> Floats:
@@ -336,6 +350,10 @@ class Placement:
             )
         return wider
 
+    def sink(self, section: CrossSection, depth: float, height: float) -> Manifold:
+        """Prism on a section in the plane of the label, from a depth below it, with a height."""
+        return section.extrude(height).translate((0.0, 0.0, -depth)).transform(self.frame[:3])
+
     def shift(self, shift: Floats) -> Placement:
         """Placement moved by a shift (3,) in mm."""
         frame = self.frame.copy()
@@ -406,11 +424,9 @@ def _rights(region: Floats, outward: Floats, options: EngravingOptions) -> list[
     edges = np.roll(region, -1, axis=0) - region
     edges -= np.outer(edges @ outward, outward)
     lengths = np.linalg.norm(edges, axis=1)
-    longest = int(lengths.argmax())
-    if options.upright != "largest":
-        return [edges[longest] / lengths[longest]]
-    order = sorted(range(len(edges)), key=lambda k: (k != longest, -lengths[k]))
-    return [edges[k] / lengths[k] for k in order if lengths[k] > LONGER * lengths[longest]]
+    order = np.argsort(-lengths, kind="stable")
+    rights = [edges[k] / lengths[k] for k in order if lengths[k] > LONGER * lengths.max()]
+    return rights if options.upright == "largest" else rights[:1]
 
 
 def _fit(

@@ -94,7 +94,7 @@ class PrintedSolid:
     def poses(self, downs: Floats, printer: Printer) -> list[PrintPose]:
         """Measures of the die on the bed for unit directions (d, 3) that point to the bed."""
         heights = self._heights(downs)
-        hangs, areas = self.overhanging(downs, printer), norms(self._doubled_areas) / 2.0
+        hangs, areas = self.overhanging(downs, printer), self._areas
         contacts = areas @ (heights.max(axis=1) < ON_BED)
         overhangs = areas @ hangs
         supports = areas @ (hangs * (self._units @ downs.T) * heights.mean(axis=1))
@@ -130,14 +130,16 @@ class PrintedSolid:
         return np.asarray((depths.max(axis=0) - depths)[self.triangles])
 
     @cached_property
-    def _doubled_areas(self) -> Floats:
-        return doubled_area_vectors(self.points, self.triangles)
+    def _areas(self) -> Floats:
+        """(t,) areas of the triangles."""
+        return norms(doubled_area_vectors(self.points, self.triangles)) / 2.0
 
     @cached_property
     def _units(self) -> Floats:
         """(t, 3) unit normals of the triangles, 0 for those without area."""
-        doubled = norms(self._doubled_areas)[:, None]
-        return np.asarray(self._doubled_areas / np.where(doubled > 0.0, doubled, 1.0))
+        vectors = doubled_area_vectors(self.points, self.triangles)
+        doubled = 2.0 * self._areas[:, None]
+        return np.asarray(vectors / np.where(doubled > 0.0, doubled, 1.0))
 
 
 def _limit(printer: Printer) -> float:
@@ -163,12 +165,12 @@ def beds(poses: RestPoses) -> Floats:
 def placement_on_bed(points: Floats, down: Floats) -> Floats:
     """(4, 4) rigid motion that turns a unit direction (3,) down by the smallest rotation, and moves
     points (n, 3) onto the bed z = 0 with the middle of their box above its origin."""
-    transform = np.eye(4)
-    transform[:3, :3] = rotation_between(down, np.array([0.0, 0.0, -1.0]))
-    turned = points @ transform[:3, :3].T
+    turn = rotation_between(down, np.array([0.0, 0.0, -1.0]))
+    turned = points @ turn.T
     low, high = turned.min(axis=0), turned.max(axis=0)
-    transform[:2, 3] = -(low + high)[:2] / 2.0
-    transform[2, 3] = -low[2]
+    x, y, _ = -(low + high) / 2.0
+    transform = np.eye(4)
+    transform[:3] = np.column_stack([turn, [x, y, -low[2]]])
     return transform
 
 
@@ -278,8 +280,7 @@ def walls_under(
     pockets, walls = [], []
     for placement in placements:
         section, frame, own = placement.section(), placement.frame, depth * placement.depth_share
-        cut = section.extrude(own).translate((0.0, 0.0, -own))
-        pockets.append(cut.transform(frame[:3]))
+        pockets.append(placement.sink(section, own, own))
         rim = np.concatenate(section.to_polygons()) @ frame[:3, :2].T + frame[:3, 3]
         beneath = hull.normals @ frame[:3, 2] < BENEATH
         room = hull.depths(rim - own * frame[:3, 2])[:, beneath]
