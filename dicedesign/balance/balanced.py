@@ -45,8 +45,8 @@ from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MM, MOST_MM
 APART: Final = 0.03
 """Least distance of two starts, relative to the diameter of the hull."""
 
-SHARES: Final = (1.0, 0.1, 0.0)
-"""Weights of the probability of other poses, in turn."""
+SHARES: Final = (1.0, 0.1)
+"""Weights of the probability of other poses, in turn; then it has none."""
 
 GOOD: Final = 0.5
 """Share of the tolerance within which results are ranked by their distance from jumps and by the
@@ -122,8 +122,8 @@ class BestCenter:
 def best_center(
     poses: RestPoses,
     goal: Goal,
-    region: ConvexHull | None = None,
-    tolerance: float = 0.005,
+    region: ConvexHull,
+    tolerance: float,
     options: CenterSearch | None = None,
 ) -> BestCenter:
     """Find the center of mass in a region that serves a goal best; deterministic.
@@ -136,13 +136,13 @@ def best_center(
     ----------
     poses: of the original body.
     goal: wanted probabilities.
-    region: allowed centers of mass, inside of the body's hull; None for `whole_hull`.
+    region: allowed centers of mass, inside of the body's hull, such as `whole_hull`.
     tolerance: largest difference of probabilities with which a goal is reached.
     options: effort of the search.
 
     Raises InputError if the body has no such pose.
     """
-    search = _CenterSearch(poses, region or whole_hull(poses.hull), options or CenterSearch())
+    search = _CenterSearch(poses, region, options or CenterSearch())
     hull, stability, wanted = poses.hull, search.stability, None
     if isinstance(goal, FewestRests):
         counts = np.array([stability.count(center) for center in search.samples], np.float64)
@@ -188,37 +188,35 @@ class _CenterSearch:
 
         shared: whether the probability of other poses is minimized, too, if that costs nothing.
         """
-        descents = [
-            Descent(self.hull, objective, self.within, share, self.options.steps)
-            for share in (SHARES if shared else (0.0,))
-        ]
-        values = np.array([descents[0].value(center) for center in self.samples])
+        last = Descent(self.hull, objective, self.within, self.options.steps)
+        others = [replace(last, share=share) for share in SHARES] if shared else []
+        first = [*others, last][0]
         ends = []
-        for center in self.apart(values):
-            for descent in descents[:-1]:
+        for center in self.apart(np.array([first.value(center) for center in self.samples])):
+            for descent in others:
                 center, _ = descent.by_squares(center)
-            ends.append(self._clear(descents[-1].from_center(center), objective))
+            ends.append(self._clear(last.from_center(center), last))
         good = (GOOD * tolerance) ** 2
 
         def rank(end: Floats) -> tuple[float, bool, float]:
             is_near = self.stability.clearance(end) < 0.5 * CLEAR * self.hull.diameter
-            return max(descents[-1].value(end), good), is_near, descents[0].value(end)
+            return max(last.value(end), good), is_near, first.value(end)
 
         return min(ends, key=rank)
 
     def apart(self, values: Floats) -> Floats:
         """Samples with the smallest values that are not next to each other."""
-        order = np.argsort(values, kind="stable")
-        order = order[np.isfinite(values[order])] if np.isfinite(values).any() else order
-        chosen: list[Floats] = []
-        for center in self.samples[order]:
+        # Infinite values count only if all are infinite.
+        best_first = np.argsort(values, kind="stable")[: np.isfinite(values).sum() or None]
+        chosen = np.empty((0, 3))
+        for center in self.samples[best_first]:
+            if (norms(chosen - center) > APART * self.hull.diameter).all():
+                chosen = np.vstack([chosen, center])
             if len(chosen) == self.options.descents:
                 break
-            if all(norms(center - other) > APART * self.hull.diameter for other in chosen):
-                chosen.append(center)
-        return np.array(chosen)
+        return chosen
 
-    def _clear(self, center: Floats, objective: Objective) -> Floats:
+    def _clear(self, center: Floats, descent: Descent) -> Floats:
         """Best center of mass near one (3,) that keeps away from jumps, as far as there is room."""
         clear = CLEAR * self.hull.diameter
         if self.stability.clearance(center) >= clear:
@@ -230,8 +228,7 @@ class _CenterSearch:
         clear = min(clear, 0.5 * depth)
         cell = self.stability.cell(center, clear).and_within(self.within)
         step = least_within(np.eye(3), np.zeros(3), cell.normals, cell.heights(center))
-        descent = Descent(self.hull, objective, cell, 0.0, self.options.steps)
-        return descent.from_center(center + step)
+        return replace(descent, within=cell).from_center(center + step)
 
 
 @dataclass(frozen=True, eq=False)

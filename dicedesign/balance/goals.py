@@ -299,15 +299,15 @@ class Descent:
     Attributes
     ----------
     within: region of the center of mass.
-    share: weight of the probability of other poses.
     steps: largest number of steps of each kind.
+    share: weight of the probability of other poses.
     """
 
     hull: ConvexHull
     objective: Objective
     within: Halfspaces
-    share: float
     steps: int
+    share: float = 0.0
 
     def value(self, center: Floats) -> float:
         """Sum of squares at a center of mass (3,); infinite outside of the region."""

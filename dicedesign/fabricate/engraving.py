@@ -148,7 +148,8 @@ def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingO
     InputError: the plain mesh is no solid.
     EngravingError: a check failed; the message says which, and names the labels at fault.
     """
-    return cut_out(solid(plain), _cuts(plain, placements, options), options)
+    cuts = _cuts(plain, placements, options)
+    return cut_out(solid(plain), cuts, options)
 
 
 def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
@@ -156,8 +157,9 @@ def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOpt
 
     Parameters as for `engrave`, which checks them.
     """
-    cutters = [cut.cutter for cut in _cuts(plain, placements, options)]
-    return mesh_of(solid(plain) ^ Manifold.batch_boolean(cutters, OpType.Add))
+    cuts = _cuts(plain, placements, options)
+    cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)
+    return mesh_of(solid(plain) ^ cutters)
 
 
 def cut_out(plain: Manifold, cuts: Sequence[LabelCut], options: EngravingOptions) -> Surface:
@@ -268,11 +270,8 @@ def even_depths(
         if depths.min() < LEAST_SHARE * depths.max():
             return None
         most *= depth / depths.max()
-    shares = (depths / depth).tolist()
-    return [
-        replace(placement, depth_share=share)
-        for placement, share in zip(placements, shares, strict=True)
-    ]
+    shares = zip(placements, (depths / depth).tolist(), strict=True)
+    return [replace(placement, depth_share=share) for placement, share in shares]
 
 
 def require_rests(labels: Sequence[str], main: Integers, what: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 from dicedesign.errors import InputError, is_finite_number
 from dicedesign.optimize.options import require_choice
@@ -20,14 +20,6 @@ Ambiguous = Literal["bar", "dot", "none"]
 Style = Literal["engraved", "raised"]
 Read = Literal["auto", "up", "down", "both"]
 Balancing = Literal["shape", "opposite", "fill", "none"]
-
-_WORDS: Final = {
-    "content": Content,
-    "ambiguous": Ambiguous,
-    "style": Style,
-    "balance": Balancing,
-    "read": Read,
-}
 
 UPRIGHTS: Final = ("edge", "largest")
 
@@ -105,23 +97,25 @@ class EngravingOptions:
                 f"max_height_mm: expected at least min_height_mm = {self.min_height_mm}, got "
                 f"{self.max_height_mm}; enlarge it or reduce min_height_mm"
             )
-        for name, words in _WORDS.items():
-            require_choice(name, getattr(self, name), *get_args(words))
+        for name, kind in get_type_hints(EngravingOptions).items():
+            if get_origin(kind) is Literal:
+                require_choice(name, getattr(self, name), *get_args(kind))
         if not isinstance(self.font, str) or not self.font.strip():
             raise InputError(f"font: expected a name or a path, got {self.font!r}; write one")
         given: Any = self.upright
-        if isinstance(given, str):
-            fits = given in UPRIGHTS
-        else:
-            fits = isinstance(given, list | tuple) and len(given) == 3
-            fits = fits and all(map(is_finite_number, given)) and any(given)
-        if not fits:
+        is_direction = (
+            isinstance(given, list | tuple)
+            and len(given) == 3
+            and all(map(is_finite_number, given))
+            and any(given)
+        )
+        if is_direction:
+            object.__setattr__(self, "upright", tuple(map(float, given)))
+        elif not isinstance(given, str) or given not in UPRIGHTS:
             raise InputError(
                 f"upright: expected {' or '.join(UPRIGHTS)}, or a direction of three "
                 f"finite numbers that are not all 0, got {given!r}; correct it"
             )
-        if not isinstance(given, str):
-            object.__setattr__(self, "upright", tuple(map(float, given)))
 
 
 MOST_OF_SIZE: Final = 0.2

@@ -20,7 +20,7 @@ from dicedesign.fabricate.label_art import LabelArt, grown, holes_and_parts, lab
 from dicedesign.fabricate.numbering import opposite_facets
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import inscribed_box
-from dicedesign.geometry.sphere import angle_between, norms, rotation_between
+from dicedesign.geometry.sphere import angle_between, norms, rigid_motion, rotation_between
 from dicedesign.runtime.arrays import Floats, Integers
 
 PEAK: Final = 0.05
@@ -465,8 +465,8 @@ def _fit(
         needed = 1.0 / inscribed_box(flat, (width * least, tall * least), rim=rim)[1]
     left, bottom, far_right, top = art.box
     x, y = center - 0.5 * height * np.array([left + far_right, bottom + top])
-    frame = np.eye(4)
-    frame[:3] = np.column_stack([right, up, outward, origin + x * right + y * up])
+    axes = np.column_stack([right, up, outward])
+    frame = rigid_motion(axes, origin + x * right + y * up)
     return Placement(place.text, frame, height, art, place.facet, growth), needed
 
 

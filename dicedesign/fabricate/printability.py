@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, compress
 from typing import TYPE_CHECKING, Final
@@ -19,7 +19,7 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.printers import Printer, PrintOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import facet_inradius
-from dicedesign.geometry.sphere import norms, rotation_between
+from dicedesign.geometry.sphere import norms, rigid_motion, rotation_between
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import (
     Surface,
@@ -169,9 +169,7 @@ def placement_on_bed(points: Floats, down: Floats) -> Floats:
     turned = points @ turn.T
     low, high = turned.min(axis=0), turned.max(axis=0)
     x, y, _ = -(low + high) / 2.0
-    transform = np.eye(4)
-    transform[:3] = np.column_stack([turn, [x, y, -low[2]]])
-    return transform
+    return rigid_motion(turn, [x, y, -low[2]])
 
 
 PARALLEL_COSINE: Final = math.cos(math.radians(15.0))
@@ -403,7 +401,7 @@ def printability(
         section = placement.section()
         stroke, gap = narrowest_stroke(section), narrowest_stroke(section, 1.0)
         labels.append(PrintedLabel(placement.text, stroke, gap, wall))
-    return Printability(
+    facts = Printability(
         printer=printer.name,
         spot_mm=printer.spot_mm,
         layer_mm=printer.layer_mm,
@@ -418,23 +416,16 @@ def printability(
         poses=tuple(die.poses(rests.normals, printer)),
         best=best,
         placement=tuple(map(tuple, placement_on_bed(die.points, np.array(best.normal)).tolist())),
-        warnings=tuple(
-            _warnings(printer, engraving, thin, labels, check, is_convex=designed is not None)
-        ),
+        warnings=(),
     )
+    return replace(facts, warnings=tuple(_warnings(facts, printer, engraving)))
 
 
 def _warnings(
-    printer: Printer,
-    engraving: EngravingOptions | None,
-    thin: ThinParts | None,
-    labels: Sequence[PrintedLabel],
-    check: FileCheck,
-    *,
-    is_convex: bool,
+    facts: Printability, printer: Printer, engraving: EngravingOptions | None
 ) -> Iterator[str]:
     """Yield a sentence with a remedy for each feature that the printer cannot make."""
-    called = printer.name
+    called, thin, labels, check = printer.name, facts.thin, facts.labels, facts.file
     if printer.has_nozzle:
         called += f" with a nozzle of {printer.spot_mm:.2g} mm"
     if thin is not None:
@@ -478,7 +469,7 @@ def _warnings(
         # A ball opposite to the labels of a convex die, or the cavity of a concave one.
         remedy = (
             "engrave.balance: shape, or drain it with inside.drain_mm"
-            if is_convex
+            if facts.smallest_facet is not None
             else "fdm, or no method.concave.hollow"
         )
         yield (
