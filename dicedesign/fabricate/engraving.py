@@ -88,7 +88,7 @@ def cut_sections(
         return labels
     by_facet = defaultdict(list)
     for placement, section in labels:
-        facet = int(np.argmax(hull.normals @ placement.frame[:3, 2]))
+        facet = int(np.argmax(hull.normals @ placement.normal))
         by_facet[facet].append((placement, section))
     return [_field(hull, facet, own, options, joined) for facet, own in by_facet.items()]
 
@@ -102,11 +102,9 @@ def _field(
 ) -> tuple[Placement, CrossSection]:
     """Field of a facet within its border, without its labels, in the frame of the first label."""
     first, _ = labels[0]
-    frame = first.frame
-    corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
-    field = CrossSection([corners])
+    field = CrossSection([(hull.polygon(facet) - first.origin) @ first.plane])
     # All other planes, as at a sharp corner one without a common edge may be as near.
-    for distance, inward in zip(*border_lines(hull, facet, frame, options), strict=True):
+    for distance, inward in zip(*border_lines(hull, facet, first, options), strict=True):
         # The rectangle on the near side of the line covers the rest of the facet.
         far, near = 4.0 * hull.diameter, distance * inward
         along = far * np.array([inward[1], -inward[0]])
@@ -114,8 +112,8 @@ def _field(
         field -= CrossSection([np.stack([*ends, *(end - far * inward for end in ends[::-1])])])
     raised = CrossSection()
     for placement, section in labels:
-        turn = frame[:3, :2].T @ placement.frame[:3, :2]
-        shift = (placement.frame[:3, 3] - frame[:3, 3]) @ frame[:3, :2]
+        turn = first.plane.T @ placement.plane
+        shift = (placement.origin - first.origin) @ first.plane
         label = section.transform(np.column_stack([turn, shift]))
         if (label - field).area() > joined * label.area():
             raise EngravingError(
@@ -259,7 +257,7 @@ def even_depths(
         areas.append(pocket.volume)
         middles.append(placement.frame[:3] @ [*pocket.centroid[:2], 0.0, 1.0] - center)
     area, middle = np.array(areas)[:, None], np.array(middles)
-    normal = np.array([placement.frame[:3, 2] for placement in placements])
+    normal = np.array([placement.normal for placement in placements])
     most, depths = depth, np.full(len(areas), depth)
     for _ in range(DEPTH_ROUNDS):
         # Newton's step, to the solution nearest to one depth for all.

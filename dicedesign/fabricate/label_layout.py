@@ -260,20 +260,20 @@ def edge_margins(hull: ConvexHull, facet: int, options: EngravingOptions) -> Flo
 
 
 def border_lines(
-    hull: ConvexHull, facet: int, frame: Floats, options: EngravingOptions
+    hull: ConvexHull, facet: int, placement: Placement, options: EngravingOptions
 ) -> tuple[Floats, Floats]:
     """Inner lines of the border of a sunk field, one for each plane that intersects the facet's.
 
-    frame: (4, 4) with the facet in its plane of x and y. Returns distances (n,) in mm from the
-    origin and unit directions (n, 2) toward the field, which is beyond the lines.
+    placement: of a label on the facet. Returns, in its plane, distances (n,) in mm from its origin
+    and unit directions (n, 2) toward the field, which is beyond the lines.
     """
-    flat = -hull.normals @ frame[:3, :2]
+    flat = -hull.normals @ placement.plane
     sines = norms(flat)
     meets = sines > LEAST_SINE
     meets[facet] = False
     cosines, sines = (hull.normals @ hull.normals[facet])[meets], sines[meets]
     widths = _walls(cosines, options.depth_mm, options.border_mm)
-    distances = widths - hull.heights(frame[:3, 3])[meets] / sines
+    distances = widths - hull.heights(placement.origin)[meets] / sines
     return distances, flat[meets] / sines[:, None]
 
 
@@ -329,6 +329,21 @@ class Placement:
     depth_share: float = 1.0
 
     @property
+    def plane(self) -> Floats:
+        """(3, 2) directions to the right and up on the label."""
+        return self.frame[:3, :2]
+
+    @property
+    def normal(self) -> Floats:
+        """(3,) direction out of the facet."""
+        return self.frame[:3, 2]
+
+    @property
+    def origin(self) -> Floats:
+        """(3,) point on the body."""
+        return self.frame[:3, 3]
+
+    @property
     def where(self) -> str:
         """Label and facet in messages."""
         return repr(self.text) if self.facet is None else f"{self.text!r} on facet {self.facet}"
@@ -354,19 +369,22 @@ class Placement:
         """Prism on a section in the plane of the label, from a depth below it, with a height."""
         return section.extrude(height).translate((0.0, 0.0, -depth)).transform(self.frame[:3])
 
+    def turn(self, rotation: Floats) -> Placement:
+        """Placement turned about its origin by a rotation (3, 3)."""
+        return replace(self, frame=rigid_motion(rotation @ self.frame[:3, :3], self.origin))
+
+    def move_to(self, origin: Floats) -> Placement:
+        """Placement with another origin (3,)."""
+        return replace(self, frame=rigid_motion(self.frame[:3, :3], origin))
+
     def shift(self, shift: Floats) -> Placement:
         """Placement moved by a shift (3,) in mm."""
-        frame = self.frame.copy()
-        frame[:3, 3] += shift
-        return replace(self, frame=frame)
+        return self.move_to(self.origin + shift)
 
     def stretch(self, matrix: Floats) -> Placement:
         """Placement on a body that was stretched slightly by a symmetric matrix (3, 3)."""
-        frame = self.frame.copy()
-        normal = np.asarray(np.linalg.solve(matrix, frame[:3, 2]), dtype=np.float64)
-        frame[:3, :3] = rotation_between(self.frame[:3, 2], normal) @ frame[:3, :3]
-        frame[:3, 3] = matrix @ frame[:3, 3]
-        return replace(self, frame=frame)
+        normal = np.asarray(np.linalg.solve(matrix, self.normal), dtype=np.float64)
+        return self.turn(rotation_between(self.normal, normal)).move_to(matrix @ self.origin)
 
 
 def place_labels(

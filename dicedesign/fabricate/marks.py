@@ -197,7 +197,7 @@ def _places(
     """
     nodes = view.nodes()
     clear = [
-        np.linalg.norm(nodes - turn @ other.frame[:3, 3], axis=-1)
+        np.linalg.norm(nodes - turn @ other.origin, axis=-1)
         - 0.5 * math.hypot(*_room(other.art, other.height, other.growth, options))
         for other in others
     ]

@@ -277,13 +277,13 @@ def walls_under(
     """
     pockets, walls = [], []
     for placement in placements:
-        section, frame, own = placement.section(), placement.frame, depth * placement.depth_share
+        section, own = placement.section(), depth * placement.depth_share
         pockets.append(placement.sink(section, own, own))
-        rim = np.concatenate(section.to_polygons()) @ frame[:3, :2].T + frame[:3, 3]
-        beneath = hull.normals @ frame[:3, 2] < BENEATH
-        room = hull.depths(rim - own * frame[:3, 2])[:, beneath]
+        rim = np.concatenate(section.to_polygons()) @ placement.plane.T + placement.origin
+        beneath = hull.normals @ placement.normal < BENEATH
+        room = hull.depths(rim - own * placement.normal)[:, beneath]
         walls.append(max(float(room.min(initial=hull.diameter)), 0.0))
-    middles = [placement.frame[:3, 3] for placement in placements]
+    middles = [placement.origin for placement in placements]
     # The nearest first, so that those after them need not be searched for far.
     pairs = combinations(range(len(pockets)), 2)
     for one, other in sorted(pairs, key=lambda pair: math.dist(*(middles[at] for at in pair))):
