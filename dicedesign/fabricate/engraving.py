@@ -23,14 +23,15 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import (
     Placement,
     Reading,
-    border_lines,
     die_readings,
     edge_margins,
     place_labels,
+    wall_distances,
 )
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
@@ -39,6 +40,9 @@ from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 JOINED: Final = 0.02
 """Largest share of a raised label that may overlap the border, which moves when facets are moved
 slightly."""
+
+LEAST_SINE: Final = 1e-3
+"""Sine of the largest angle between planes that count as parallel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +128,24 @@ def _field(
         raised += label
     named = replace(first, text=", ".join(placement.text for placement, _ in labels))
     return named, field - raised
+
+
+def border_lines(
+    hull: ConvexHull, facet: int, placement: Placement, options: EngravingOptions
+) -> tuple[Floats, Floats]:
+    """Inner lines of the border of a sunk field, one for each plane that intersects the facet's.
+
+    placement: of a label on the facet. Returns, in its plane, distances (n,) in mm from its origin
+    and unit directions (n, 2) toward the field, which is beyond the lines.
+    """
+    flat = -hull.normals @ placement.plane
+    sines = norms(flat)
+    meets = sines > LEAST_SINE
+    meets[facet] = False
+    cosines, sines = (hull.normals @ hull.normals[facet])[meets], sines[meets]
+    widths = wall_distances(cosines, options.depth_mm, options.border_mm)
+    distances = widths - hull.heights(placement.origin)[meets] / sines
+    return distances, flat[meets] / sines[:, None]
 
 
 def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:

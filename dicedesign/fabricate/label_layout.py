@@ -239,9 +239,6 @@ WALL: Final = 0.5
 """Distance along the facet between a pocket and the plane that bisects the angle at an edge, over
 the least margin; the wall to a pocket beyond the edge is twice as thick."""
 
-LEAST_SINE: Final = 1e-3
-"""Sine of the largest angle between planes that count as parallel."""
-
 SHARPEST: Final = 1e-12
 """Lower bound of one plus the cosine between the normals of two facets."""
 
@@ -255,29 +252,11 @@ def edge_margins(hull: ConvexHull, facet: int, options: EngravingOptions) -> Flo
     edges = slice(*hull.facet_start[facet : facet + 2].tolist())
     cosines = hull.normals[hull.facet[hull.twin[edges]]] @ hull.normals[facet]
     if options.style == "raised":
-        return _walls(cosines, options.depth_mm, options.border_mm) + options.margin_mm
-    return _walls(cosines, options.depth_mm, options.margin_mm)
+        return wall_distances(cosines, options.depth_mm, options.border_mm) + options.margin_mm
+    return wall_distances(cosines, options.depth_mm, options.margin_mm)
 
 
-def border_lines(
-    hull: ConvexHull, facet: int, placement: Placement, options: EngravingOptions
-) -> tuple[Floats, Floats]:
-    """Inner lines of the border of a sunk field, one for each plane that intersects the facet's.
-
-    placement: of a label on the facet. Returns, in its plane, distances (n,) in mm from its origin
-    and unit directions (n, 2) toward the field, which is beyond the lines.
-    """
-    flat = -hull.normals @ placement.plane
-    sines = norms(flat)
-    meets = sines > LEAST_SINE
-    meets[facet] = False
-    cosines, sines = (hull.normals @ hull.normals[facet])[meets], sines[meets]
-    widths = _walls(cosines, options.depth_mm, options.border_mm)
-    distances = widths - hull.heights(placement.origin)[meets] / sines
-    return distances, flat[meets] / sines[:, None]
-
-
-def _walls(cosines: Floats, depth: float, least: float) -> Floats:
+def wall_distances(cosines: Floats, depth: float, least: float) -> Floats:
     """Distances (m,) from the edges between planes, at least the least one, at which pockets of a
     depth leave a wall; cosines: (m,) between the normals of the planes.
 
