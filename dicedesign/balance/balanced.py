@@ -1,27 +1,234 @@
-"""Bodies whose center of mass is moved to where it serves a goal best."""
+"""Center of mass that serves a goal best, and bodies whose center of mass is moved there."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from operator import attrgetter
 from typing import Any, Final, get_args
 
 import numpy as np
 
-from dicedesign.balance.best_center import BestCenter, best_center, whole_hull
-from dicedesign.balance.goals import FewestRests, Goal, Standing, objective_of, pose_probabilities
-from dicedesign.balance.options import BalanceOptions, WayName
-from dicedesign.balance.regions import Halfspaces
+from dicedesign.balance.goals import (
+    Descent,
+    EqualProbabilities,
+    FewestRests,
+    Goal,
+    Objective,
+    Standing,
+    objective_of,
+    pose_probabilities,
+)
+from dicedesign.balance.options import BalanceOptions, CenterSearch, WayName
+from dicedesign.balance.regions import (
+    Halfspaces,
+    Stability,
+    fewest_rests,
+    least_within,
+    points_within,
+    steadiest,
+    whole_hull,
+)
 from dicedesign.balance.ways import MovedCenter, move_center, reachable_shifts
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, body_of
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.repair import FINEST, input_surface
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import facet_of_rest
-from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MM, MOST_MM
+
+APART: Final = 0.03
+"""Least distance of two starts, relative to the diameter of the hull."""
+
+SHARES: Final = (1.0, 0.1)
+"""Weights of the probability of other poses, in turn; then it has none."""
+
+GOOD: Final = 0.5
+"""Share of the tolerance within which results are ranked by their distance from jumps and by the
+probability of other poses."""
+
+CLEAR: Final = 2e-3
+"""Distance of a center of mass from jumps, relative to the diameter of the hull: 0.1 mm, the error
+of a print, for 50 mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class BestCenter:
+    """Center of mass with its effect on a goal. Lengths are in the body's unit.
+
+    Attributes
+    ----------
+    goal: the goal.
+    poses_before, poses: rests with the original and the new center of mass.
+    directions: (c, 3) directions that point down in the poses of the goal; in all poses for
+        `FewestRests`.
+    wanted: (c,) probabilities, or None if the goal has none.
+    reached: whether the goal is reached.
+    clearance: distance to the nearest center at which a rest appears or vanishes.
+    """
+
+    goal: Goal
+    poses_before: RestPoses
+    poses: RestPoses
+    directions: Floats
+    wanted: Floats | None
+    reached: bool
+    clearance: float
+
+    @property
+    def center(self) -> Floats:
+        """(3,) new center of mass."""
+        return self.poses.center_of_mass
+
+    @cached_property
+    def before(self) -> Floats:
+        """(c,) probabilities of the poses with the original center of mass."""
+        return pose_probabilities(self.poses_before, self.directions)
+
+    @cached_property
+    def probabilities(self) -> Floats:
+        """(c,) probabilities of the poses with the new center of mass."""
+        return pose_probabilities(self.poses, self.directions)
+
+    @property
+    def rests_before(self) -> int:
+        """Number of rests with the original center of mass."""
+        return len(self.poses_before.facets)
+
+    @property
+    def rests(self) -> int:
+        """Number of rests with the new center of mass."""
+        return len(self.poses.facets)
+
+    @property
+    def error(self) -> float | None:
+        """Largest difference from the wanted probabilities; None without any."""
+        return None if self.wanted is None else self.shortfall
+
+    @property
+    def shortfall(self) -> float:
+        """Distance from the goal: a number of rests, or a difference of probabilities."""
+        if isinstance(self.goal, FewestRests):
+            return self.rests
+        wanted = 1.0 if self.wanted is None else self.wanted
+        return float(np.abs(self.probabilities - wanted).max())
+
+
+def best_center(
+    poses: RestPoses,
+    goal: Goal,
+    region: ConvexHull,
+    tolerance: float,
+    options: CenterSearch | None = None,
+) -> BestCenter:
+    """Find the center of mass in a region that serves a goal best; deterministic.
+
+    Points that fill the region are evaluated, and descents start at the best: Levenberg-Marquardt
+    steps by gradients of the probabilities, and steps along the axes at jumps. Fewest rests are
+    found by linear programs (`fewest_rests`).
+
+    Parameters
+    ----------
+    poses: of the original body.
+    goal: wanted probabilities.
+    region: allowed centers of mass, inside of the body's hull, such as `whole_hull`.
+    tolerance: largest difference of probabilities with which a goal is reached.
+    options: effort of the search.
+
+    Raises InputError if the body has no such pose.
+    """
+    search = _CenterSearch(poses, region, options or CenterSearch())
+    hull, stability, wanted = poses.hull, search.stability, None
+    if isinstance(goal, FewestRests):
+        counts = np.array([stability.count(center) for center in search.samples], np.float64)
+        starts = search.apart(counts)
+        center = fewest_rests(stability, search.within, starts, search.options.steps)
+        now = analyze(hull, center)
+        directions = now.normals
+        reached = len(now.facets) < len(poses.facets) or len(now.facets) == 1
+    else:
+        objective = objective_of(goal, poses)
+        center = search.serving(objective, isinstance(goal, EqualProbabilities), tolerance)
+        if isinstance(goal, Standing) and stability.count(center) == 1:
+            center = steadiest(stability, search.within, center)
+        now = analyze(hull, center)
+        served = objective(now, 0.0)
+        directions = served.directions
+        if isinstance(goal, Standing):
+            top = pose_probabilities(now, now.normals[:1])
+            reached = bool(pose_probabilities(now, directions) >= top)
+        else:
+            wanted = served.wanted[: len(directions)]
+            error = np.abs(served.probabilities - served.wanted).max()
+            reached = len(wanted) == len(served.wanted) and bool(error <= tolerance)
+    clearance = stability.clearance(center)
+    return BestCenter(goal, poses, now, directions, wanted, reached, clearance)
+
+
+class _CenterSearch:
+    """Search for the center of mass of one body in one region."""
+
+    def __init__(self, poses: RestPoses, region: ConvexHull, options: CenterSearch) -> None:
+        self.hull = poses.hull
+        self.options = options = options.for_corners(len(poses.hull.vertices))
+        self.within = Halfspaces.of_hull(region)
+        starts = [region.centroid[None], points_within(region, options.samples)]
+        if (self.within.heights(poses.center_of_mass) >= 0.0).all():
+            starts.insert(0, poses.center_of_mass[None])
+        self.samples = np.concatenate(starts)
+        self.stability = Stability(self.hull)
+
+    def serving(self, objective: Objective, shared: bool, tolerance: float) -> Floats:
+        """Center of mass with the smallest residuals.
+
+        shared: whether the probability of other poses is minimized, too, if that costs nothing.
+        """
+        last = Descent(self.hull, objective, self.within, self.options.steps)
+        others = [replace(last, share=share) for share in SHARES] if shared else []
+        first = [*others, last][0]
+        ends = []
+        for center in self.apart(np.array([first.value(center) for center in self.samples])):
+            for descent in others:
+                center, _ = descent.by_squares(center)
+            ends.append(self._clear(last.from_center(center), last))
+        good = (GOOD * tolerance) ** 2
+
+        def rank(end: Floats) -> tuple[float, bool, float]:
+            is_near = self.stability.clearance(end) < 0.5 * CLEAR * self.hull.diameter
+            return max(last.value(end), good), is_near, first.value(end)
+
+        return min(ends, key=rank)
+
+    def apart(self, values: Floats) -> Floats:
+        """Samples with the smallest values that are not next to each other."""
+        # Infinite values count only if all are infinite.
+        best_first = np.argsort(values, kind="stable")[: np.isfinite(values).sum() or None]
+        chosen = np.empty((0, 3))
+        for center in self.samples[best_first]:
+            if (norms(chosen - center) > APART * self.hull.diameter).all():
+                chosen = np.vstack([chosen, center])
+            if len(chosen) == self.options.descents:
+                break
+        return chosen
+
+    def _clear(self, center: Floats, descent: Descent) -> Floats:
+        """Best center of mass near one (3,) that keeps away from jumps, as far as there is room."""
+        clear = CLEAR * self.hull.diameter
+        if self.stability.clearance(center) >= clear:
+            return center
+        whole = self.stability.cell(center).and_within(self.within)
+        depth = whole.deepest[1]
+        if not 0.0 < depth < np.inf:
+            return center
+        clear = min(clear, 0.5 * depth)
+        cell = self.stability.cell(center, clear).and_within(self.within)
+        step = least_within(np.eye(3), np.zeros(3), cell.normals, cell.heights(center))
+        return replace(descent, within=cell).from_center(center + step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,19 +238,20 @@ class Balanced(BestCenter):
     Attributes
     ----------
     by: way in which the center of mass was moved.
-    center_before, center_wanted: (3,) centers of mass of the original body, and of the search.
+    center_wanted: (3,) center of mass of the search.
     made: files of the body.
-    poses_before, poses: rests of the original body, and of the body in the files.
     notes: changes and advice, one sentence each.
     """
 
     by: str
-    center_before: Floats
     center_wanted: Floats
     made: MovedCenter
-    poses_before: RestPoses
-    poses: RestPoses
     notes: tuple[str, ...]
+
+    @property
+    def center_before(self) -> Floats:
+        """(3,) center of mass of the original body."""
+        return self.poses_before.center_of_mass
 
     @property
     def numbers(self) -> tuple[int | None, ...]:
@@ -125,14 +333,7 @@ def balance_body(
             return results[-1]
     if not results:
         raise failed[0]
-
-    def missing(one: Balanced) -> float:
-        """Distance of a result from the goal."""
-        if isinstance(goal, FewestRests):
-            return float(one.rests)
-        return 1.0 - float(one.probabilities[0]) if one.error is None else one.error
-
-    return min(results, key=missing)
+    return min(results, key=attrgetter("shortfall"))
 
 
 def size_surface(body: Body, size_mm: float | None) -> tuple[Surface, tuple[str, ...]]:
@@ -178,42 +379,33 @@ def _balance(
                 raise
     # From here on by the files.
     now = rest_poses(moved.body, moved.center)
-    directions = now.normals if isinstance(goal, FewestRests) else best.directions
-    probabilities = pose_probabilities(now, directions)
-    most = max(options.tolerance, FILE_PROBABILITIES)
-    if best.wanted is not None:
-        still_serves = bool(np.abs(probabilities - best.wanted).max() <= most)
-    elif isinstance(goal, Standing):
-        still_serves = bool(probabilities[0] >= best.probabilities[0] - most)
-    else:
-        still_serves = len(now.facets) <= best.rests
-    advice = []
-    if not best.reached:
-        farther = {"cavity": "a thinner wall_mm", "infill": "a larger difference of infills"}[way]
-        advice = [
-            f"no center of mass within reach has the goal; {farther} reaches farther, and three "
-            "coordinates control at most three probabilities"
-        ]
-    elif not still_serves:
-        advice = [
-            "the file has other probabilities than its center of mass was chosen for: an edge of a "
-            f"basin is {best.clearance:.2g} mm away; allow more tolerance, or take another way"
-        ]
-    by_file = {
-        "center": moved.center,
-        "directions": directions,
-        "before": pose_probabilities(poses, directions),
-        "probabilities": probabilities,
-        "rests": len(now.facets),
-        "reached": best.reached and still_serves,
-    }
-    return Balanced(
-        **vars(best) | by_file,
-        by=way,
-        center_before=poses.center_of_mass,
-        center_wanted=best.center,
-        made=moved,
+    balanced = Balanced(
+        goal=goal,
         poses_before=poses,
         poses=now,
-        notes=(*notes, *moved.notes, *advice),
+        directions=now.normals if isinstance(goal, FewestRests) else best.directions,
+        wanted=best.wanted,
+        reached=best.reached,
+        clearance=best.clearance,
+        by=way,
+        center_wanted=best.center,
+        made=moved,
+        notes=(*notes, *moved.notes),
     )
+    most = max(options.tolerance, FILE_PROBABILITIES)
+    if best.wanted is None:
+        most += best.shortfall
+    if not best.reached:
+        farther = {"cavity": "a thinner wall_mm", "infill": "a larger difference of infills"}[way]
+        advice = (
+            f"no center of mass within reach has the goal; {farther} reaches farther, and three "
+            "coordinates control at most three probabilities"
+        )
+    elif balanced.shortfall > most:
+        advice = (
+            "the file has other probabilities than its center of mass was chosen for: an edge of a "
+            f"basin is {best.clearance:.2g} mm away; allow more tolerance, or take another way"
+        )
+    else:
+        return balanced
+    return replace(balanced, reached=False, notes=(*balanced.notes, advice))

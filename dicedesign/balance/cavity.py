@@ -7,8 +7,7 @@ minimization in three variables.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from manifold3d import Manifold, OpType
@@ -64,13 +63,8 @@ REGULAR: Final = 1e-9
 """Regularization of the second derivatives, relative to their trace."""
 
 
-@dataclass(frozen=True, eq=False)
-class HalfSpacePart:
-    """Part of a solid where `normal @ x >= offset`, with a unit normal (3,)."""
-
-    part: Manifold
-    normal: Floats
-    offset: float
+Plane: TypeAlias = tuple[tuple[float, ...], float]
+"""Unit normal and offset of a plane; beyond it `normal @ x >= offset`, as for `trim_by_plane`."""
 
 
 def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
@@ -91,12 +85,20 @@ def balancing_cavity(surface: Surface, wall: float, center: Floats) -> Surface:
             f"hollow: expected a center of mass that cavities lead to, got one {far:.3g} from the "
             f"uniform solid's, too far for walls of {wall:g}; reduce wall_mm"
         )
-    return mesh_of(cut.part)
+    return mesh_of(cut[0])
 
 
-def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePart | None:
-    """Smallest part of a solid with a moment (3,) about a center (3,): all that is beyond a plane.
-    None if no part has the moment.
+def weigh_part(part: Manifold) -> tuple[float, Floats]:
+    """Volume and centroid (3,) of a solid, both 0 for an empty one."""
+    if part.is_empty():
+        return 0.0, np.zeros(3)
+    surface = mesh_of(part)
+    return surface.volume, surface.centroid
+
+
+def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> tuple[Manifold, Plane] | None:
+    """Smallest part of a solid with a moment (3,) about a center (3,): all that is beyond a plane;
+    and the plane. None if no part has the moment.
 
     moment: not 0, in the fourth power of the unit of length. With lengths of about 1 and the center
     at the origin, the plane's normal over its distance is the minimizer x of the convex function
@@ -116,11 +118,9 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePar
 
     def at(plane: Floats) -> tuple[float, Floats]:
         """Value and gradient of the function."""
-        part = mesh_of(beyond(plane))
-        if len(part.triangles) == 0:
-            return -float(plane @ moment), -moment
-        slope = part.volume * part.centroid - moment
-        return float(plane @ slope) - part.volume, slope
+        volume, centroid = weigh_part(beyond(plane))
+        slope = volume * centroid - moment
+        return float(plane @ slope) - volume, slope
 
     def curvature(plane: Floats) -> Floats:
         """(3, 3) second derivatives by finite differences."""
@@ -137,9 +137,9 @@ def beyond_plane(room: Manifold, center: Floats, moment: Floats) -> HalfSpacePar
     for _ in range(MAX_STEPS):
         if norms(slope) <= CENTERED:
             size = float(norms(now))
-            part = beyond(now).scale((unit,) * 3).translate(tuple(center))
             normal = now / size
-            return HalfSpacePart(part, normal, float(normal @ center) + unit / size)
+            part = beyond(now).scale((unit,) * 3).translate(tuple(center))
+            return part, (tuple(normal), float(normal @ center) + unit / size)
         step = -np.linalg.solve(curvature(now), slope)
         step *= min(1.0, float(norms(now) / norms(step)))
         for _ in range(HALVINGS):
@@ -164,9 +164,10 @@ def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
     outside = _outside(surface, wall)
     grid, depth = _sample_depths(surface, STEPS), wall
     for _ in range(MAX_TRIES):
-        room = _deeper(grid, depth)
-        if room is None:
+        deeper = grid.above(depth)
+        if len(deeper.triangles) == 0:
             break
+        room = Manifold.batch_boolean(large_parts(solid(deeper), LEAST_PART), OpType.Add)
         least = float(outside.min_gap(room, 2.0 * wall))
         if least >= wall:
             return room, least
@@ -175,6 +176,13 @@ def within_walls(surface: Surface, wall: float) -> tuple[Manifold, float]:
         f"hollow: expected room for a cavity in walls of {wall:g}, got none in a body with a "
         f"largest depth of {grid.values.max():.3g}; reduce wall_mm, or leave hollow out"
     )
+
+
+def large_parts(body: Manifold, share: float) -> list[Manifold]:
+    """Separate parts of a solid that have at least a share of the volume of the largest."""
+    parts = body.decompose()
+    least = share * max(part.volume() for part in parts)
+    return [part for part in parts if part.volume() >= least]
 
 
 def least_wall(surface: Surface, cavity: Surface) -> float:
@@ -199,17 +207,6 @@ def _sample_depths(surface: Surface, steps: int) -> GridValues:
     return GridValues(
         lambda places: depths_inside(surface, places), low - spacing, high + spacing, spacing
     )
-
-
-def _deeper(grid: GridValues, depth: float) -> Manifold | None:
-    """Part of a solid deeper than a distance, without small parts; None if there is none."""
-    surface = grid.above(depth)
-    if len(surface.triangles) == 0:
-        return None
-    parts = solid(surface).decompose()
-    most = max(part.volume() for part in parts)
-    large_parts = [part for part in parts if part.volume() >= LEAST_PART * most]
-    return Manifold.batch_boolean(large_parts, OpType.Add)
 
 
 REACH_STEPS: Final = 24

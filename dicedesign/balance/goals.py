@@ -1,5 +1,5 @@
-"""Goals for a center of mass, rests as functions of it, and goals as residuals that are linear in
-the probabilities."""
+"""Goals for a center of mass, goals as residuals that are linear in the probabilities of rests, and
+descents of their squares."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Final, TypeAlias
 import numpy as np
 import torch
 
+from dicedesign.balance.regions import Halfspaces, least_within
 from dicedesign.errors import InputError, check_whole
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between, unit_vectors
@@ -19,7 +20,7 @@ from dicedesign.rest.equilibria import classify
 from dicedesign.rest.morse import separatrices
 from dicedesign.rest.outcomes import assign_rests
 from dicedesign.rest.poses import RestPoses
-from dicedesign.runtime.arrays import Booleans, Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE, SAME_REST_ANGLE
 
 MAX_POSES: Final = 100
@@ -114,12 +115,10 @@ class Rests:
 
     Attributes
     ----------
-    basins: of the body; facets: (k,) of the hull; normals: (k, 3) of the facets; probabilities:
-        (k,).
+    basins: of the body; normals: (k, 3) of their facets; probabilities: (k,).
     """
 
     basins: Basins
-    facets: Integers
     normals: Floats
     probabilities: Floats
 
@@ -150,10 +149,10 @@ def rests_at(hull: ConvexHull, center: Floats) -> Rests | None:
         basins = Basins(equilibria, paths, basin_areas(equilibria, paths))
     except InputError:
         return None
-    return Rests(basins, paths.rests, hull.normals[paths.rests], basins.areas / (4.0 * np.pi))
+    return Rests(basins, hull.normals[paths.rests], basins.areas / (4.0 * np.pi))
 
 
-def top_directions(rests: Rests, count: int) -> Floats:
+def top_directions(rests: Rests | RestPoses, count: int) -> Floats:
     """(c, 3) directions that point down in the c <= `count` most probable poses, sorted by
     probability. Rests within `SAME_REST_ANGLE` of a more probable one belong to its pose."""
     order = np.argsort(-rests.probabilities, kind="stable")
@@ -169,15 +168,14 @@ def top_directions(rests: Rests, count: int) -> Floats:
 def pose_probabilities(poses: RestPoses, directions: Floats) -> Floats:
     """(c,) probabilities of poses with directions (c, 3), summed over the rests of each. A pose
     without a rest within `SAME_REST_ANGLE` has probability 0."""
-    belongs = _rests_of_poses(poses.normals, poses.probabilities, directions)
-    return np.asarray(belongs @ poses.probabilities)
+    return np.asarray(_rests_of_poses(poses, directions) @ poses.probabilities)
 
 
-def _rests_of_poses(normals: Floats, probabilities: Floats, directions: Floats) -> Booleans:
+def _rests_of_poses(rests: Rests | RestPoses, directions: Floats) -> Booleans:
     """(c, k) whether each rest belongs to each of the poses."""
-    outcomes = assign_rests(normals, probabilities, directions)
+    outcomes = assign_rests(rests.normals, rests.probabilities, directions)
     belongs = outcomes.outcome_of_rest == np.arange(len(directions))[:, None]
-    near = angle_between(normals[outcomes.main], directions) <= SAME_REST_ANGLE
+    near = angle_between(rests.normals[outcomes.main], directions) <= SAME_REST_ANGLE
     return np.asarray(belongs & (near & (outcomes.main >= 0))[:, None])
 
 
@@ -200,7 +198,7 @@ class ServedGoal:
     weights: Floats
 
 
-Objective: TypeAlias = Callable[[Rests, float], ServedGoal]
+Objective: TypeAlias = Callable[[Rests | RestPoses, float], ServedGoal]
 """Function of rests and of the weight of the probability of other poses."""
 
 
@@ -233,11 +231,11 @@ def objective_of(
                     "which is too near to tell apart; leave one out"
                 )
 
-    def serve(rests: Rests, share: float) -> ServedGoal:
+    def serve(rests: Rests | RestPoses, share: float) -> ServedGoal:
         chosen = top_directions(rests, count) if directions is None else directions
         # Missing poses have no direction and probability 0.
         belongs = np.zeros((count, len(rests.probabilities)))
-        belongs[: len(chosen)] = _rests_of_poses(rests.normals, rests.probabilities, chosen)
+        belongs[: len(chosen)] = _rests_of_poses(rests, chosen)
         probabilities = belongs @ rests.probabilities
         if wanted is not None:
             return ServedGoal(chosen, probabilities, wanted, probabilities - wanted, belongs)
@@ -276,3 +274,101 @@ def _check_pose(key: str, pose: int, poses: RestPoses) -> Floats:
             "lists them, and a direction will do for a face that the body does not rest on"
         )
     return poses.normals[pose - 1]
+
+
+ENOUGH: Final = 1e-12
+"""Norm of the residuals at which a goal is reached exactly."""
+
+DAMPING: Final = (1e-3, 0.2, 8.0, 1e12)
+"""Damping of the first step, relative to the largest squared slope; factors after an accepted and
+after a rejected step; and largest damping, at which the descent stops."""
+
+FIRST_SEARCH: Final = 0.02
+"""Length of the first steps along the axes, relative to the diameter of the hull."""
+
+LAST_SEARCH: Final = 1e-5
+"""Least length of steps along the axes, relative to the diameter of the hull."""
+
+AXES: Final = np.concatenate([np.eye(3), -np.eye(3)])
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Descent of one objective for one hull.
+
+    Attributes
+    ----------
+    within: region of the center of mass.
+    steps: largest number of steps of each kind.
+    share: weight of the probability of other poses.
+    """
+
+    hull: ConvexHull
+    objective: Objective
+    within: Halfspaces
+    steps: int
+    share: float = 0.0
+
+    def value(self, center: Floats) -> float:
+        """Sum of squares at a center of mass (3,); infinite outside of the region."""
+        return self._serve(center)[0]
+
+    def from_center(self, center: Floats) -> Floats:
+        """Center of mass at the end of a descent.
+
+        Levenberg-Marquardt steps minimize the quadratic model within the half-spaces. If none
+        descends, at jumps or kinks of the probabilities, steps of decreasing length along the axes
+        are tried.
+        """
+        value = self.value(center)
+        for _ in range(3):
+            center, now = self.by_squares(center)
+            length = FIRST_SEARCH * self.hull.diameter
+            for _ in range(self.steps):
+                if now <= ENOUGH**2 or length < LAST_SEARCH * self.hull.diameter:
+                    break
+                values = [self.value(center + length * axis) for axis in AXES]
+                least = int(np.argmin(values))
+                if values[least] < now:
+                    center, now = center + length * AXES[least], values[least]
+                else:
+                    length *= 0.5
+            if now <= ENOUGH**2 or now >= (1.0 - 1e-6) * value:
+                break
+            value = now
+        return center
+
+    def by_squares(self, center: Floats) -> tuple[Floats, float]:
+        """Center of mass after Levenberg-Marquardt steps alone, and its sum of squares."""
+        damping, factor_less, factor_more, most = DAMPING
+        value, served_rests = self._serve(center)
+        for _ in range(self.steps):
+            if served_rests is None or value <= ENOUGH**2:
+                break
+            served, rests = served_rests
+            slopes = rests.slopes(served.weights)
+            form, slope = slopes.T @ slopes, slopes.T @ served.residuals
+            largest = float(np.diag(form).max())
+            heights = self.within.heights(center).clip(0.0)
+            while damping <= most and largest > 0.0:
+                damped = form + damping * largest * np.eye(3)
+                step = least_within(damped, slope, self.within.normals, heights)
+                now, following = self._serve(center + step)
+                if now < value:
+                    break
+                damping *= factor_more
+            else:
+                break
+            center, damping = center + step, damping * factor_less
+            before, value, served_rests = value, now, following
+            if value > (1.0 - 1e-9) * before:
+                break
+        return center, value
+
+    def _serve(self, center: Floats) -> tuple[float, tuple[ServedGoal, Rests] | None]:
+        is_outside = (self.within.heights(center) < -1e-12 * self.hull.diameter).any()
+        rests = None if is_outside else rests_at(self.hull, center)
+        if rests is None:
+            return np.inf, None
+        served = self.objective(rests, self.share)
+        return float(served.residuals @ served.residuals), (served, rests)

@@ -79,15 +79,19 @@ def points_within(hull: ConvexHull, count: int) -> Floats:
     """(count, 3) deterministic points that fill a hull evenly."""
     middle = hull.centroid
     corners = hull.vertices[hull.triangles] - middle
-    volumes = np.abs(np.linalg.det(corners))
     draws = qmc.Halton(4, scramble=False).random(count + 1)[1:]
-    which = np.searchsorted(np.cumsum(volumes) / volumes.sum(), draws[:, 0]).clip(
-        max=len(volumes) - 1
-    )
-    # Differences of three sorted numbers are uniform weights of a tetrahedron's corners.
+    which, weights = spread_evenly(np.abs(np.linalg.det(corners)), draws)
+    return np.asarray(middle + (weights[:, :3, None] * corners[which]).sum(axis=1))
+
+
+def spread_evenly(sizes: Floats, draws: Floats) -> tuple[Integers, Floats]:
+    """Simplices (n,), and weights of their corners (n, k), of points spread evenly over simplices
+    of sizes (m,); draws: (n, k) in [0, 1)."""
+    shares = np.cumsum(sizes) / sizes.sum()
+    which = np.searchsorted(shares, draws[:, 0]).clip(max=len(sizes) - 1)
+    # Differences of sorted numbers are uniform weights.
     steps = np.sort(draws[:, 1:], axis=1)
-    weights = np.diff(steps, axis=1, prepend=0.0)
-    return np.asarray(middle + (weights[:, :, None] * corners[which]).sum(axis=1))
+    return which, np.diff(steps, axis=1, prepend=0.0, append=1.0)
 
 
 UNSHIFTED: Final = 1e-6
@@ -143,9 +147,9 @@ class Stability:
         _, first = np.unique(self.hull.facet[lowest], return_index=True)
         return lowest[first], least
 
-    def counts(self, centers: Floats) -> Integers:
-        """(n,) numbers of rests with centers of mass (n, 3)."""
-        return np.array([(self.outermost(center)[1] > 0.0).sum() for center in centers])
+    def count(self, center: Floats) -> int:
+        """Number of rests with a center of mass (3,)."""
+        return int((self.outermost(center)[1] > 0.0).sum())
 
     def clearance(self, center: Floats) -> float:
         """Upper bound of the distance from a center of mass (3,) to where a rest appears or
@@ -153,16 +157,85 @@ class Stability:
         return float(np.abs(self.outermost(center)[1]).min())
 
     def cell(self, center: Floats, clearance: float = 0.0) -> Halfspaces:
-        """Convex region of centers of mass around one (3,) that have its rests. A facet that is no
-        rest bounds it by its farthest side. Planes are moved inward by a clearance."""
-        edges, least = self.outermost(center)
-        inner = (least > 0.0)[self.hull.facet]
+        """Convex region of centers of mass around one (3,) that have its rests. Planes are moved
+        inward by a clearance."""
+        inner = (self.outermost(center)[1] > 0.0)[self.hull.facet]
         inside = Halfspaces(self.sides.normals[inner], self.sides.offsets[inner] - clearance)
-        return inside.and_within(self.beyond(edges[least <= 0.0], clearance))
+        return inside.and_within(self.without_new_rests(center, clearance))
+
+    def without_new_rests(self, center: Floats, clearance: float = 0.0) -> Halfspaces:
+        """Convex region of centers of mass without other rests than one (3,) has: beyond the
+        farthest side of each facet that is no rest, by a clearance."""
+        edges, least = self.outermost(center)
+        return self.beyond(edges[least <= 0.0], clearance)
 
     def beyond(self, edges: Integers, clearance: float = 0.0) -> Halfspaces:
         """Region of centers of mass beyond the sides of half-edges, by a clearance."""
         return Halfspaces(-self.sides.normals[edges], -self.sides.offsets[edges] - clearance)
+
+
+LEAST_DEPTH: Final = 1e-9
+"""Least distance of a center of mass beyond a side, relative to the diameter of the hull."""
+
+
+def fewest_rests(stability: Stability, within: Halfspaces, centers: Floats, steps: int) -> Floats:
+    """Center of mass with fewest rests in a greedy search from starts (n, 3).
+
+    From each start, one resting facet after the other is made unstable: the center of mass moves
+    beyond one of its sides, and stays beyond a side of each facet that is no rest. A linear program
+    for each side, nearest sides first, finds the center farthest beyond. The result need not be the
+    global minimum.
+
+    within: region of the center of mass; steps: largest number of facets for each start.
+    """
+    best, fewest = centers[0], len(stability.hull.normals) + 1
+    for center in centers:
+        for _ in range(steps):
+            following = _one_less(stability, within, center)
+            if following is None:
+                break
+            center = following
+        count = stability.count(center)
+        if count < fewest:
+            best, fewest = center, count
+        if fewest == 1:
+            break
+    return steadiest(stability, within, best)
+
+
+def steadiest(stability: Stability, within: Halfspaces, center: Floats) -> Floats:
+    """Center of mass farthest from where a rest appears, among those without other rests than a
+    center (3,) has."""
+    place, depth = within.and_within(stability.without_new_rests(center)).deepest
+    is_deeper = 0.0 < depth < np.inf and stability.count(place) <= stability.count(center)
+    return place if is_deeper else center
+
+
+def _one_less(stability: Stability, within: Halfspaces, center: Floats) -> Floats | None:
+    """Center of mass with one rest less and no new rest; None if there is none."""
+    hull = stability.hull
+    is_rest = stability.outermost(center)[1] > 0.0
+    if is_rest.sum() == 1:
+        return None
+    room = within.and_within(stability.without_new_rests(center))
+    heights = stability.sides.heights(center)
+    own = np.flatnonzero(is_rest[hull.facet])
+    for edge in own[np.argsort(heights[own], kind="stable")]:
+        place, depth = room.and_within(stability.beyond(np.array([edge]))).deepest
+        if LEAST_DEPTH * hull.diameter < depth < np.inf:
+            return place
+    return None
+
+
+INSIDE: Final = 0.95
+"""Scale of a hull, about its centroid, in which a center of mass may be: not next to the
+surface."""
+
+
+def whole_hull(hull: ConvexHull) -> ConvexHull:
+    """Hull without the region next to its surface."""
+    middle = hull.centroid
+    return convex_hull(middle + INSIDE * (hull.vertices - middle))
 
 
 def is_shifted(surface: Surface, center_of_mass: Floats) -> bool:

@@ -5,8 +5,9 @@ Lengths are in millimeters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -15,15 +16,16 @@ from scipy.stats import qmc
 
 from dicedesign.balance.cavity import (
     beyond_plane,
+    large_parts,
     least_wall,
     measure_cavities,
     reach,
+    weigh_part,
     with_cavity,
     within_walls,
 )
-from dicedesign.balance.goals import rests_at
 from dicedesign.balance.options import BodyMaterial
-from dicedesign.balance.regions import is_shifted
+from dicedesign.balance.regions import Stability, is_shifted, spread_evenly
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, shells_of
@@ -56,22 +58,20 @@ SEGMENTS: Final = 48
 @dataclass(frozen=True, eq=False)
 class Hole:
     """Round hole from the mouth (3,) on the surface along the unit vector `inward` (3,) to a cavity
-    at the distance `length`."""
+    at the distance `length_mm`."""
 
     mouth: Floats
     inward: Floats
-    length: float
-    radius: float
+    length_mm: float
+    diameter_mm: float
 
     def tube(self, factor: float = 1.0) -> Manifold:
-        """Solid to cut out; factor: of the radius."""
-        radius = factor * self.radius
+        """Solid to cut out; factor: of the diameter."""
+        radius = 0.5 * factor * self.diameter_mm
         before, after = BEYOND * radius, 0.5 * BEYOND * radius
-        tube = Manifold.cylinder(before + self.length + after, radius, radius, SEGMENTS)
-        frame = np.empty((3, 4))
-        frame[:, :3] = rotation_between(np.array([0.0, 0.0, 1.0]), self.inward)
-        frame[:, 3] = self.mouth - before * self.inward
-        return tube.transform(frame)
+        tube = Manifold.cylinder(before + self.length_mm + after, radius, radius, SEGMENTS)
+        turn = rotation_between(np.array([0.0, 0.0, 1.0]), self.inward)
+        return tube.transform(np.column_stack([turn, self.mouth - before * self.inward]))
 
 
 def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float) -> Hole:
@@ -83,11 +83,9 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
     # Evenly spread points on the surface, with normals.
     vectors = doubled_area_vectors(surface.points, surface.triangles)
     areas = norms(vectors)
-    cumulated = np.cumsum(areas) / areas.sum()
-    number = (np.arange(PLACES) + 0.5) / PLACES
-    which = np.searchsorted(cumulated, number).clip(max=len(areas) - 1)
-    steps = np.sort(qmc.Halton(2, scramble=False).random(PLACES), axis=1)
-    weights = np.diff(steps, axis=1, prepend=0.0, append=1.0)
+    numbers = (np.arange(PLACES) + 0.5) / PLACES
+    draws = np.column_stack([numbers, qmc.Halton(2, scramble=False).random(PLACES)])
+    which, weights = spread_evenly(areas, draws)
     corners = surface.points[surface.triangles[which]]
     places = (weights[:, :, None] * corners).sum(axis=1)
     normals = vectors[which] / areas[which, None]
@@ -97,14 +95,13 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
     apart = norms(places[:, None] - hull.vertices[None]).min(axis=1)
     fits = ((inward * normals).sum(axis=1) <= -STEEP) & (apart > APART * radius)
     # Holes on resting facets come last.
-    rests = rests_at(hull, center)
-    facets = np.zeros(0, dtype=np.int64) if rests is None else rests.facets
-    is_on_rest = (hull.depths(places)[:, facets] < 0.1 * radius).any(axis=1)
+    is_rest = Stability(hull).outermost(center)[1] > 0.0
+    is_on_rest = (hull.depths(places)[:, is_rest] < 0.1 * radius).any(axis=1)
     order = np.lexsort((lengths, is_on_rest))
     body = solid(surface)
     whole = body.hull().volume()
     for place in order[fits[order]][:MAX_TRIED]:
-        hole = Hole(places[place], inward[place], float(lengths[place]), radius)
+        hole = Hole(places[place], inward[place], float(lengths[place]), 2.0 * radius)
         left = body - hole.tube()
         if abs(left.hull().volume() - whole) <= 1e-9 * whole and len(left.decompose()) == 1:
             return hole
@@ -133,20 +130,26 @@ class MovedCenter:
     Attributes
     ----------
     files: contents by suffix of the file name, such as "_sparse.stl"; "" is the body.
-    body: the body.
     center: (3,) center of mass, by the files with their densities.
     wall_mm: measured least thickness of the walls; None without anything inside.
     facts: plain data about the inside; notes: these facts in sentences.
-    sparse: the part with less infill, or None.
     """
 
     files: Mapping[str, bytes]
-    body: Body
     center: Floats
     wall_mm: float | None
     facts: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    sparse: Body | None = None
+
+    @cached_property
+    def body(self) -> Body:
+        """The body, read back."""
+        return read_stl(self.files[""])
+
+    @cached_property
+    def sparse(self) -> Body | None:
+        """The part with less infill, read back, or None."""
+        return read_stl(self.files[MODIFIER]) if MODIFIER in self.files else None
 
 
 def reachable_shifts(surface: Surface, by: str, material: BodyMaterial) -> ConvexHull:
@@ -162,48 +165,35 @@ def move_center(surface: Surface, center: Floats, by: str, material: BodyMateria
     if by == "infill":
         return _with_two_infills(surface, center, material)
     if not is_shifted(surface, center):
-        data = stl_bytes(surface)
         notes = ("the center of mass is there already",)
-        return MovedCenter({"": data}, read_stl(data), surface.centroid, None, {}, notes)
+        return MovedCenter({"": stl_bytes(surface)}, surface.centroid, None, notes=notes)
     if material.drain_mm is not None:
         return _drain(surface, center, material.wall_mm, 0.5 * material.drain_mm)
     data = stl_bytes(with_cavity(surface, material.wall_mm, center))
-    cavities = measure_cavities(read_stl(data).surface)
-    return _make_with_cavity(
-        data, cavities.wall_mm, cavities.number, cavities.volume_mm3, cavities.part
-    )
+    made = measure_cavities(read_stl(data).surface)
+    return _describe_cavities(data, made.wall_mm, made.number, made.volume_mm3, made.part)
 
 
-def _make_with_cavity(
-    data: bytes,
-    wall: float,
-    number: int,
-    volume: float,
-    part: float,
-    holes: tuple[Hole, ...] = (),
+def _describe_cavities(
+    data: bytes, wall: float, number: int, volume: float, part: float, holes: Sequence[Hole] = ()
 ) -> MovedCenter:
-    body = read_stl(data)
+    """Body with cavities, with facts and notes about them."""
     facts: dict[str, Any] = {"cavities": number, "cavity_mm3": volume, "part": part}
     several = f"{number} cavities" if number > 1 else "a cavity"
     notes = [f"{several} of {volume:.4g} mm3, {100.0 * part:.3g} % of the body"]
     if holes:
         facts["drains"] = [
-            {
-                "mouth": hole.mouth.tolist(),
-                "inward": hole.inward.tolist(),
-                "length_mm": hole.length,
-                "diameter_mm": 2.0 * hole.radius,
-            }
+            vars(hole) | {"mouth": hole.mouth.tolist(), "inward": hole.inward.tolist()}
             for hole in holes
         ]
-        for hole in holes:
-            place = ", ".join(f"{x:.4g}" for x in hole.mouth)
-            notes.append(f"a hole of {2.0 * hole.radius:g} mm at {place} drains it")
     else:
         notes.append(
             "the cavity is closed: filament leaves it empty, but powder and resin would stay in it"
         )
-    return MovedCenter({"": data}, body, body.surface.centroid, wall, facts, tuple(notes))
+    for hole in holes:
+        place = ", ".join(f"{x:.4g}" for x in hole.mouth)
+        notes.append(f"a hole of {hole.diameter_mm:g} mm at {place} drains it")
+    return MovedCenter({"": data}, read_stl(data).surface.centroid, wall, facts, tuple(notes))
 
 
 def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> MovedCenter:
@@ -221,14 +211,15 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Move
                 f"drain_mm: expected a hole of {2.0 * radius:g} mm that leaves a cavity, got none "
                 "with its center of mass where it is wanted; reduce drain_mm or wall_mm"
             )
+        whole, plane = cut
         closed = [
             part
-            for part in cut.part.decompose()
+            for part in whole.decompose()
             if not any(tube.min_gap(part, radius) < 1e-6 * radius for tube in tubes)
         ]
         if not closed:
             # Everything beyond the plane; the holes are already cut.
-            cavity = rest - room.trim_by_plane(tuple(cut.normal), cut.offset)
+            cavity = rest - room.trim_by_plane(*plane)
             break
         holes += (drain_hole(surface, mesh_of(closed[0]), center, radius),)
     else:
@@ -246,9 +237,8 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Move
         )
     # What the file lacks, without the holes.
     missing = body - solid(file)
-    pieces = _without(missing, [hole.tube(1.05) for hole in holes]).decompose()
-    largest = max(piece.volume() for piece in pieces)
-    parts = [piece for piece in pieces if piece.volume() > LEAST_PIECE * largest]
+    pieces = _without(missing, [hole.tube(1.05) for hole in holes])
+    parts = large_parts(pieces, LEAST_PIECE)
     least = min(least_wall(surface, mesh_of(part)) for part in parts)
     if least < 0.9 * wall:
         raise InputError(
@@ -256,7 +246,7 @@ def _drain(surface: Surface, center: Floats, wall: float, radius: float) -> Move
             "drain_mm"
         )
     volume = float(missing.volume())
-    return _make_with_cavity(data, least, len(parts), volume, volume / surface.volume, holes)
+    return _describe_cavities(data, least, len(parts), volume, volume / surface.volume, holes)
 
 
 def _without(body: Manifold, others: list[Manifold]) -> Manifold:
@@ -277,21 +267,17 @@ def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) 
                 f"infill: expected two infills that lead {np.linalg.norm(center - middle):.3g} mm "
                 f"away, got {less:g} and {more:g}; take others"
             )
-        part = solid(surface).trim_by_plane(tuple(cut.normal), cut.offset)
-        files[MODIFIER] = stl_bytes(mesh_of(part))
+        files[MODIFIER] = stl_bytes(mesh_of(solid(surface).trim_by_plane(*cut[1])))
     # From here on by the files.
-    body = read_stl(files[""])
-    surface = body.surface
+    surface = read_stl(files[""]).surface
     room, wall = within_walls(surface, material.wall_mm)
     densities = [(room, more - 1.0)]
     notes = [
         f"print it with walls, floor and ceiling of {material.wall_mm:g} mm and "
         f"{100.0 * more:g} % infill"
     ]
-    modifier = None
     if MODIFIER in files:
-        modifier = read_stl(files[MODIFIER])
-        sparse = room ^ solid(modifier.surface)
+        sparse = room ^ solid(read_stl(files[MODIFIER]).surface)
         densities.append((sparse, less - more))
         notes.append(
             f"the part in NAME{MODIFIER} is no body but the place of {100.0 * less:g} % infill: a "
@@ -299,16 +285,13 @@ def _with_two_infills(surface: Surface, center: Floats, material: BodyMaterial) 
         )
     mass, center = _weigh(surface, densities)
     facts = {"infill": [less, more], "part": mass / surface.volume}
-    return MovedCenter(files, body, center, wall, facts, tuple(notes), modifier)
+    return MovedCenter(files, center, wall, facts, tuple(notes))
 
 
 def _weigh(surface: Surface, densities: list[tuple[Manifold, float]]) -> tuple[float, Floats]:
     """Mass and center of mass (3,) of a solid of density 1 with densities added in some parts."""
     mass, moment = surface.volume, surface.volume * surface.centroid
     for part, density in densities:
-        if part.is_empty():
-            continue
-        filled = mesh_of(part)
-        added = density * filled.volume
-        mass, moment = mass + added, moment + added * filled.centroid
+        volume, centroid = weigh_part(part)
+        mass, moment = mass + density * volume, moment + density * volume * centroid
     return mass, moment / mass

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -53,11 +53,10 @@ class ConvexObject:
 
     def make_unlabeled(self, core: ConvexHull) -> Surface:
         """Make the solid without labels."""
-        hull = core
-        if self.edges is not None:
-            center = core.centroid if self.offset is None else core.centroid + self.offset
-            hull = round_edges(core, center, self.edges)
-        return hull.surface
+        if self.edges is None:
+            return core.surface
+        center = core.centroid if self.offset is None else core.centroid + self.offset
+        return round_edges(core, center, self.edges).surface
 
     def make_balanced(self, core: ConvexHull, placements: Sequence[Placement]) -> Surface:
         """Make the solid that has the object's probabilities: engraved, or whole if labels are
@@ -95,32 +94,30 @@ class ConvexObject:
             nearest normal may be another facet's if two are almost coplanar.
         """
 
-        def middle(hull: ConvexHull, facet: int, frame: Floats) -> Floats:
+        def middle(hull: ConvexHull, facet: int, label: Placement) -> Floats:
             corners = hull.polygon(facet)
             origin = corners.mean(axis=0)
-            return np.asarray(origin + frame[:3, :2] @ centroid((corners - origin) @ frame[:3, :2]))
+            return np.asarray(origin + label.plane @ centroid((corners - origin) @ label.plane))
 
         moved = []
-        for placement in placements:
-            frame = placement.frame.copy()
-            old = int(np.argmax(before.normals @ frame[:3, 2]))
+        for label in placements:
+            old = int(np.argmax(before.normals @ label.normal))
             new = int(np.argmax(after.normals @ moved_normals[old]))
             turn = rotation_between(before.normals[old], after.normals[new])
-            from_middle = frame[:3, 3] - middle(before, old, frame)
-            frame[:3, :3] = turn @ frame[:3, :3]
-            frame[:3, 3] = middle(after, new, frame) + turn @ from_middle
-            moved.append(replace(placement, frame=frame))
+            from_middle = label.origin - middle(before, old, label)
+            turned = label.turn(turn)
+            moved.append(turned.move_to(middle(after, new, turned) + turn @ from_middle))
         return tuple(moved)
 
     @staticmethod
     def bearing(placements: Sequence[Placement]) -> Floats:
         """(l, 3) normals of the facets with labels."""
-        return np.array([placement.frame[:3, 2] for placement in placements]).reshape(-1, 3)
+        return np.array([placement.normal for placement in placements]).reshape(-1, 3)
 
     def place_labels(self, placements: Sequence[Placement]) -> tuple[Placement, ...]:
         """Move labels from the facets of the core outward onto the object."""
         lift = 0.0 if self.edges is None else self.edges.radius_mm
-        return tuple(each.shift(lift * each.frame[:3, 2]) for each in placements)
+        return tuple(each.shift(lift * each.normal) for each in placements)
 
 
 def core_of(poses: RestPoses, edges: EdgeOptions | None) -> ConvexHull:

@@ -254,11 +254,8 @@ def make_solid(die: Design, size_mm: float) -> Solid:
     given = die.center_of_mass
     center = die.hull.centroid if given is None else given
     hull = convex_hull((die.hull.vertices - center) * (size_mm / die.hull.diameter))
-    if given is None:
-        poses = analyze(hull, hull.centroid, "uniform solid")
-    else:
-        poses = analyze(hull, np.zeros(3), "given")
-    poses = poses.under(die.prior)
+    place = (hull.centroid, "uniform solid") if given is None else (np.zeros(3), "given")
+    poses = analyze(hull, *place).under(die.prior)
     return Solid(
         points=hull.vertices,
         triangles=hull.triangles,

@@ -23,21 +23,26 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import (
     Placement,
     Reading,
-    border_lines,
     die_readings,
     edge_margins,
     place_labels,
+    wall_distances,
 )
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.meshes.body import shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.grid_surface import distances_from_surface
-from dicedesign.geometry.triangles import Surface, edge_neighbors, find_parts
+from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
 JOINED: Final = 0.02
 """Largest share of a raised label that may overlap the border, which moves when facets are moved
 slightly."""
+
+LEAST_SINE: Final = 1e-3
+"""Sine of the largest angle between planes that count as parallel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,15 +62,14 @@ class LabelCut:
 
 
 def _cuts(
-    hull: ConvexHull, placements: Sequence[Placement], options: EngravingOptions
+    plain: Surface, placements: Sequence[Placement], options: EngravingOptions
 ) -> list[LabelCut]:
-    """Material that all labels remove from the solid with this hull."""
+    """Material that all labels remove from a convex solid."""
     cuts = []
-    for placement, section in cut_sections(hull, placements, options):
+    for placement, section in cut_sections(convex_hull(plain.points), placements, options):
         depth = options.depth_mm * placement.depth_share
         # The cutter extends above the facet, so that none of its faces is coplanar with it.
-        cutter = section.extrude(2 * depth).translate((0.0, 0.0, -depth))
-        cutter = cutter.transform(placement.frame[:3])
+        cutter = placement.sink(section, depth, 2 * depth)
         cuts.append(LabelCut(placement.where, cutter, section.area() * depth))
     return cuts
 
@@ -88,7 +92,7 @@ def cut_sections(
         return labels
     by_facet = defaultdict(list)
     for placement, section in labels:
-        facet = int(np.argmax(hull.normals @ placement.frame[:3, 2]))
+        facet = int(np.argmax(hull.normals @ placement.normal))
         by_facet[facet].append((placement, section))
     return [_field(hull, facet, own, options, joined) for facet, own in by_facet.items()]
 
@@ -102,11 +106,9 @@ def _field(
 ) -> tuple[Placement, CrossSection]:
     """Field of a facet within its border, without its labels, in the frame of the first label."""
     first, _ = labels[0]
-    frame = first.frame
-    corners = (hull.polygon(facet) - frame[:3, 3]) @ frame[:3, :2]
-    field = CrossSection([corners])
+    field = CrossSection([(hull.polygon(facet) - first.origin) @ first.plane])
     # All other planes, as at a sharp corner one without a common edge may be as near.
-    for distance, inward in zip(*border_lines(hull, facet, frame, options), strict=True):
+    for distance, inward in zip(*border_lines(hull, facet, first, options), strict=True):
         # The rectangle on the near side of the line covers the rest of the facet.
         far, near = 4.0 * hull.diameter, distance * inward
         along = far * np.array([inward[1], -inward[0]])
@@ -114,8 +116,8 @@ def _field(
         field -= CrossSection([np.stack([*ends, *(end - far * inward for end in ends[::-1])])])
     raised = CrossSection()
     for placement, section in labels:
-        turn = frame[:3, :2].T @ placement.frame[:3, :2]
-        shift = (placement.frame[:3, 3] - frame[:3, 3]) @ frame[:3, :2]
+        turn = first.plane.T @ placement.plane
+        shift = (placement.origin - first.origin) @ first.plane
         label = section.transform(np.column_stack([turn, shift]))
         if (label - field).area() > joined * label.area():
             raise EngravingError(
@@ -126,6 +128,24 @@ def _field(
         raised += label
     named = replace(first, text=", ".join(placement.text for placement, _ in labels))
     return named, field - raised
+
+
+def border_lines(
+    hull: ConvexHull, facet: int, placement: Placement, options: EngravingOptions
+) -> tuple[Floats, Floats]:
+    """Inner lines of the border of a sunk field, one for each plane that intersects the facet's.
+
+    placement: of a label on the facet. Returns, in its plane, distances (n,) in mm from its origin
+    and unit directions (n, 2) toward the field, which is beyond the lines.
+    """
+    flat = -hull.normals @ placement.plane
+    sines = norms(flat)
+    meets = sines > LEAST_SINE
+    meets[facet] = False
+    cosines, sines = (hull.normals @ hull.normals[facet])[meets], sines[meets]
+    widths = wall_distances(cosines, options.depth_mm, options.border_mm)
+    distances = widths - hull.heights(placement.origin)[meets] / sines
+    return distances, flat[meets] / sines[:, None]
 
 
 def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingOptions) -> Surface:
@@ -148,7 +168,7 @@ def engrave(plain: Surface, placements: Sequence[Placement], options: EngravingO
     InputError: the plain mesh is no solid.
     EngravingError: a check failed; the message says which, and names the labels at fault.
     """
-    cuts = _cuts(convex_hull(plain.points), placements, options)
+    cuts = _cuts(plain, placements, options)
     return cut_out(solid(plain), cuts, options)
 
 
@@ -157,7 +177,7 @@ def inlay(plain: Surface, placements: Sequence[Placement], options: EngravingOpt
 
     Parameters as for `engrave`, which checks them.
     """
-    cuts = _cuts(convex_hull(plain.points), placements, options)
+    cuts = _cuts(plain, placements, options)
     cutters = Manifold.batch_boolean([cut.cutter for cut in cuts], OpType.Add)
     return mesh_of(solid(plain) ^ cutters)
 
@@ -259,7 +279,7 @@ def even_depths(
         areas.append(pocket.volume)
         middles.append(placement.frame[:3] @ [*pocket.centroid[:2], 0.0, 1.0] - center)
     area, middle = np.array(areas)[:, None], np.array(middles)
-    normal = np.array([placement.frame[:3, 2] for placement in placements])
+    normal = np.array([placement.normal for placement in placements])
     most, depths = depth, np.full(len(areas), depth)
     for _ in range(DEPTH_ROUNDS):
         # Newton's step, to the solution nearest to one depth for all.
@@ -270,11 +290,8 @@ def even_depths(
         if depths.min() < LEAST_SHARE * depths.max():
             return None
         most *= depth / depths.max()
-    shares = (depths / depth).tolist()
-    return [
-        replace(placement, depth_share=share)
-        for placement, share in zip(placements, shares, strict=True)
-    ]
+    shares = zip(placements, (depths / depth).tolist(), strict=True)
+    return [replace(placement, depth_share=share) for placement, share in shares]
 
 
 def require_rests(labels: Sequence[str], main: Integers, what: str) -> None:
@@ -302,10 +319,8 @@ def labels_below_hull(marked: Surface, depth: float) -> Booleans:
     """
     middles = marked.points[marked.triangles].mean(axis=1)
     is_below = convex_hull(marked.points).least_depths(middles) > OFF * depth
-    across = edge_neighbors(marked.triangles)
-    one, edge = np.nonzero(across >= 0)
-    part = find_parts(one, across[one, edge], len(across))
-    return is_below & np.isin(part, part[~is_below])
+    shells = shells_of(marked.triangles)
+    return is_below & np.isin(shells, shells[~is_below])
 
 
 def labels_off_surface(marked: Surface, plain: Surface, depth: float) -> Booleans:

@@ -7,9 +7,9 @@ import json
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape as escaped
 from pathlib import Path
 from typing import Any, Final
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -108,14 +108,13 @@ class FileFormat(Extension):
     @property
     def frame(self) -> Floats:
         """(3, 3) from mm with z upward to the unit and axes of the file."""
-        scale = {"mm": 1.0, "m": 1e-3}[self.unit]
-        turn = {"z": np.eye(3), "y": [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]}
-        return scale * np.array(turn[self.upward])
+        turn = np.eye(3) if self.upward == "z" else np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+        return {"mm": 1.0, "m": 1e-3}[self.unit] * turn
 
     @property
     def same_probabilities(self) -> float:
         """Largest difference between the probabilities of a file and of its solid."""
-        return {"float32": 1e-6, "float64": 1e-9}[self.precision]
+        return 1e-6 if self.precision == "float32" else 1e-9
 
     def read_back(self, path: Path) -> tuple[Floats, Integers]:
         """Points (n, 3) in mm, z upward, and triangles (t, 3) of a file. Raises MeshFileError."""
@@ -218,7 +217,7 @@ def three_mf(contents: Contents) -> bytes:
 
 def _escape(text: str) -> str:
     """Escape a text for XML. lib3mf reads no numeric references, such as `&#39;`."""
-    return escaped(text, quote=False).replace('"', "&quot;")
+    return escape(text, {'"': "&quot;"})
 
 
 THREE_MF: Final = FileFormat(

@@ -12,7 +12,6 @@ import math
 import os
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -60,9 +59,9 @@ class PolylinePen:
         turn = degree * (degree - 1) * float(np.linalg.norm(bends, axis=1).max(initial=0.0))
         pieces = min(max(1, math.ceil(math.sqrt(turn / (8.0 * self.tolerance)))), MOST_PIECES)
         t = (np.arange(1, pieces) / pieces)[:, None]
-        curve: list[Floats] = [np.broadcast_to(corner, (len(t), 2)) for corner in corners]
+        curve = np.repeat(corners[:, None], len(t), axis=1)
         while len(curve) > 1:  # de Casteljau
-            curve = [(1.0 - t) * a + t * b for a, b in pairwise(curve)]
+            curve = (1.0 - t) * curve[:-1] + t * curve[1:]
         self._contours[-1] += map(tuple, [*curve[0].tolist(), corners[-1].tolist()])
 
     qCurveTo = curveTo

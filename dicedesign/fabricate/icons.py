@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final, NoReturn, TypeAlias
 
@@ -34,6 +35,12 @@ MOST_CHARACTERS: Final = 2000
 """Largest length of an attribute, or of a number in a path: searches in more take minutes."""
 
 MOST_COORDINATE: Final = 1e6
+
+TOO_LARGE: Final = f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture"
+"""Words of a message about coordinates."""
+
+NO_AREA: Final = ("a dark shape with an area", "none", "fill one in black")
+"""Words of a message about an icon that shows nothing."""
 
 MOST_DEPTH: Final = 100
 """Largest depth of nested groups."""
@@ -95,10 +102,8 @@ def icon_section(path: str, label: str) -> CrossSection:
             root = _root(data)
             _require_plain(root)
             by_id = {f"#{element.get('id')}": element for element in root.iter()}
-            outlines = []
-            for outline in _outlines(root, by_id):
-                outlines.append(outline)
-                _limit(len(outlines), MOST_SHAPES, "shapes", "join some")
+            outlines = list(islice(_outlines(root, by_id), MOST_SHAPES + 1))
+            _limit(len(outlines), MOST_SHAPES, "shapes", "join some")
             return _section(outlines)
 
 
@@ -195,7 +200,7 @@ def _outlines(
         if outer is not None:
             matrix = Affine2D.compose_ltr((matrix, outer))
         if not max(map(abs, matrix)) < MOST_COORDINATE:
-            _refuse(f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture")
+            _refuse(*TOO_LARGE)
         style |= {key: value for key, value in own.items() if INHERITED.fullmatch(key)}
         if name in SHAPES:
             yield from _shape_outlines(
@@ -248,11 +253,11 @@ def _section(outlines: Sequence[Outline]) -> CrossSection:
     # Paths that are not finite have no bounds.
     boxes = [path.bounds or 4 * (math.inf,) for path, _, _ in outlines]
     if not all(abs(place) < MOST_COORDINATE for box in boxes for place in box):
-        _refuse(f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture")
+        _refuse(*TOO_LARGE)
     dark = [box for box, (_, _, is_dark) in zip(boxes, outlines, strict=True) if is_dark]
     height = max((box[3] for box in dark), default=0) - min((box[1] for box in dark), default=0)
     if not height > 0.0:
-        _refuse("a dark shape with an area", "none", "fill one in black")
+        _refuse(*NO_AREA)
     shapes = []
     for path, _, _ in outlines:
         pen = PolylinePen(CHORD_TOLERANCE * height)
@@ -274,7 +279,7 @@ def _section(outlines: Sequence[Outline]) -> CrossSection:
         section = section + area if is_dark else section - area
         _limit(section.num_vert(), *CORNERS)
     if not section.area() > 0.0:
-        _refuse("a dark shape with an area", "none", "fill one in black")
+        _refuse(*NO_AREA)
     left, bottom, _, top = section.bounds()
     scale = 1.0 / (top - bottom)
     return section.translate((-left, -bottom)).scale((scale, scale))

@@ -82,8 +82,8 @@ def pocket_walls(
     walls = []
     for placement, section in sections:
         deep = depth_mm * placement.depth_share + walls_mm
-        around = section.offset(walls_mm, JoinType.Round).extrude(2.0 * deep)
-        walls.append(around.translate((0.0, 0.0, -deep)).transform(placement.frame[:3]))
+        around = section.offset(walls_mm, JoinType.Round)
+        walls.append(placement.sink(around, deep, 2.0 * deep))
     return walls
 
 

@@ -131,30 +131,30 @@ FULLNESS: Final = 0.64
 """Diameter of a pip, over the distance between pips."""
 
 PATTERNS: Final = {
-    1: ("...", ".x.", "..."),
-    2: ("..x", "...", "x.."),
-    3: ("..x", ".x.", "x.."),
-    4: ("x.x", "...", "x.x"),
-    5: ("x.x", ".x.", "x.x"),
-    6: ("x.x", "x.x", "x.x"),
-    7: ("x.x", "xxx", "x.x"),
-    8: ("xxx", "x.x", "xxx"),
-    9: ("xxx", "xxx", "xxx"),
+    1: "... .x. ...",
+    2: "..x ... x..",
+    3: "..x .x. x..",
+    4: "x.x ... x.x",
+    5: "x.x .x. x.x",
+    6: "x.x x.x x.x",
+    7: "x.x xxx x.x",
+    8: "xxx x.x xxx",
+    9: "xxx xxx xxx",
 }
 """Rows of a square grid from the top; each x is a pip."""
 
 ROWS: Final = {
-    10: (3, 4, 3),
-    11: (4, 3, 4),
-    12: (4, 4, 4),
-    13: (3, 2, 3, 2, 3),
-    14: (3, 4, 4, 3),
-    15: (3, 3, 3, 3, 3),
-    16: (4, 4, 4, 4),
-    17: (3, 4, 3, 4, 3),
-    18: (4, 3, 4, 3, 4),
-    19: (4, 4, 3, 4, 4),
-    20: (4, 4, 4, 4, 4),
+    10: "343",
+    11: "434",
+    12: "444",
+    13: "32323",
+    14: "3443",
+    15: "33333",
+    16: "4444",
+    17: "34343",
+    18: "43434",
+    19: "44344",
+    20: "44444",
 }
 """Number of pips in each centered row, from the top, of numbers without a usual pattern."""
 
@@ -166,13 +166,13 @@ def pip_places(number: int) -> tuple[Floats, float]:
     diameter."""
     rows: list[list[float]]
     if number in PATTERNS:
-        rows = [
-            [x for x, sign in enumerate(signs, -1) if sign == "x"] for signs in PATTERNS[number]
-        ]
+        patterns = PATTERNS[number].split()
+        rows = [[x for x, sign in enumerate(signs, -1) if sign == "x"] for signs in patterns]
         steps = 2
     else:
-        rows = [[x - 0.5 * (count - 1) for x in range(count)] for count in ROWS[number]]
-        steps = max(len(rows), *ROWS[number]) - 1
+        counts = [int(count) for count in ROWS[number]]
+        rows = [[x - 0.5 * (count - 1) for x in range(count)] for count in counts]
+        steps = max(len(rows), *counts) - 1
     spacing, top = 1.0 / (steps + FULLNESS), 0.5 * (len(rows) - 1)
     places = np.array([(x, top - row) for row, pips in enumerate(rows) for x in pips])
     return 0.5 + spacing * places, FULLNESS * spacing
@@ -214,27 +214,9 @@ def holes_and_parts(section: CrossSection) -> tuple[int, int]:
     return section.num_contour() - parts, parts
 
 
-def stroke_growth(section: CrossSection, width: float) -> float:
-    """Least outward offset of the outlines of a section at which its strokes have a width, in its
-    unit; 0 if they have it already.
-
-    A stroke has a width if discs of that diameter inside the grown section cover it, except at
-    corners.
-    """
-    if width <= 0.0 or _covers(section, section, width):
-        return 0.0
-    low, high = 0.0, 0.5 * width
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if _covers(section, grown(section, middle), width):
-            high = middle
-        else:
-            low = middle
-    return high
-
-
 def grown(section: CrossSection, distance: float) -> CrossSection:
-    """Offset a section outward by a distance of at least 0, with sharp corners."""
+    """Offset a section outward by a distance, or inward where it is negative, with sharp
+    corners."""
     if distance == 0.0:
         return section
     return section.offset(distance, JoinType.Miter, MITER)
@@ -242,12 +224,12 @@ def grown(section: CrossSection, distance: float) -> CrossSection:
 
 def _covers(section: CrossSection, whole: CrossSection, width: float) -> bool:
     """Whether discs of a diameter inside the whole cover a section, except at corners."""
-    opened = grown(whole.offset(-0.5 * width, JoinType.Miter, MITER), 0.5 * width)
+    opened = grown(grown(whole, -0.5 * width), 0.5 * width)
     left = section - opened
     if left.is_empty():
         return True
     # Corners are narrow and near the discs; hairlines lead away from them.
-    is_narrow = left.offset(-0.5 * CORNERS * width, JoinType.Miter, MITER).is_empty()
+    is_narrow = grown(left, -0.5 * CORNERS * width).is_empty()
     return is_narrow and (left - grown(opened, width)).is_empty()
 
 
@@ -271,8 +253,23 @@ class LabelArt:
         return right - left, top - bottom
 
     def growth(self, height: float, stroke: float) -> float:
-        """Least outward offset in mm at a digit height in mm for strokes of a width in mm."""
-        return height * stroke_growth(self.section, stroke / height)
+        """Least outward offset of the outlines at which strokes have a width, or 0 if they have it
+        already; all in mm, at a digit height.
+
+        A stroke has a width if discs of that diameter inside the grown section cover it, except at
+        corners.
+        """
+        width = stroke / height
+        if width <= 0.0 or _covers(self.section, self.section, width):
+            return 0.0
+        low, high = 0.0, 0.5 * width
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            if _covers(self.section, grown(self.section, middle), width):
+                high = middle
+            else:
+                low = middle
+        return height * high
 
 
 def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:

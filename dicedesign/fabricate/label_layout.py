@@ -7,12 +7,12 @@ top, upright toward it, as on a tetrahedron. Lengths are in millimeters.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from manifold3d import CrossSection
+from manifold3d import CrossSection, Manifold
 
 from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
@@ -20,7 +20,7 @@ from dicedesign.fabricate.label_art import LabelArt, grown, holes_and_parts, lab
 from dicedesign.fabricate.numbering import opposite_facets
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import inscribed_box
-from dicedesign.geometry.sphere import angle_between, norms, rotation_between
+from dicedesign.geometry.sphere import angle_between, norms, rigid_motion, rotation_between
 from dicedesign.runtime.arrays import Floats, Integers
 
 PEAK: Final = 0.05
@@ -103,31 +103,44 @@ def die_readings(
     ------
     EngravingError: the die cannot be read in this way; the message names an outcome and its top.
     """
-    below = _on_facets("down", hull, labels, facets)
+
+    def on_facets(way: str, *sides: Integers) -> Reading:
+        """Labels on whole facets, of which each outcome has one in each of the sides (k,)."""
+        return _reading(
+            way,
+            labels,
+            hull,
+            [
+                (outcome, facet, hull.polygon(facet))
+                for outcome, own in enumerate(np.stack(sides, axis=1).tolist())
+                for facet in own
+            ],
+        )
+
+    below = on_facets("down", facets)
     if read == "down":
         return (below,)
     level, above = opposite_facets(hull, facets), None
-
-    def describe_top(outcome: int) -> str:
-        lean = angle_between(-hull.normals[facets[outcome]], hull.normals).min()
-        return f"one that leans by {np.degrees(lean):.0f} degrees"
-
-    flaw = _flaw(facets, labels, level, "level facet", read, describe_top)
+    leans = np.degrees(
+        angle_between(-hull.normals[facets][:, None], hull.normals[None]).min(axis=1)
+    )
+    without = [f"one that leans by {lean:.0f} degrees" for lean in leans]
+    flaw = _flaw(facets, labels, level, "level facet", read, without)
     if not flaw:
-        above = _on_facets("up", hull, labels, level)
-        if read == "both":
-            above = _on_facets("both", hull, labels, facets, level)
+        above = on_facets("both", facets, level) if read == "both" else on_facets("up", level)
     elif read == "up" or (read == "auto" and len(facets) == len(hull.normals) == ALL_AROUND):
         corners = np.array([_top_corner(hull, facet) for facet in facets.tolist()])
-        other = _flaw(facets, labels, corners, "corner", read, lambda _: "none seen from above")
+        without = ["none seen from above"] * len(facets)
+        other = _flaw(facets, labels, corners, "corner", read, without)
         if not other:
             above = _around_corners(hull, labels, corners, facets)
         elif (corners >= 0).sum() > (level >= 0).sum():
             flaw = other
-    if above is None and read != "auto":
+    if read == "auto":
+        return (below,) if above is None else (above, below)
+    if above is None:
         raise EngravingError(flaw)
-    better = () if above is None else (above,)
-    return (*better, below) if read == "auto" else better
+    return (above,)
 
 
 def _flaw(
@@ -136,11 +149,11 @@ def _flaw(
     on_top: Integers,
     what: str,
     read: str,
-    absent: Callable[[int], str],
+    without: Sequence[str],
 ) -> str:
     """Sentence about the first outcome with nothing (k,) of its own on top of it, or "".
 
-    what: is expected on top; absent: describes its absence from an outcome.
+    what: is expected on top; without: k descriptions of a top without it.
     """
     for outcome, top in enumerate(on_top.tolist()):
         is_same = on_top == top
@@ -148,7 +161,7 @@ def _flaw(
             is_same |= facets == top
         is_same[outcome] = False
         if top < 0:
-            got = absent(outcome)
+            got = without[outcome]
         elif is_same.any():
             got = f"one that {labels[int(is_same.argmax())]!r} has too"
         else:
@@ -160,35 +173,36 @@ def _flaw(
     return ""
 
 
-def _on_facets(way: str, hull: ConvexHull, labels: Sequence[str], *sides: Integers) -> Reading:
-    """Labels on whole facets; sides: (k,) facets of the outcomes."""
-    places = tuple(
-        LabelPlace(text, outcome, facet, hull.polygon(facet), hull.normals[facet])
-        for outcome, (text, mine) in enumerate(zip(labels, np.stack(sides, axis=1), strict=True))
-        for facet in mine.tolist()
+def _reading(
+    way: str,
+    labels: Sequence[str],
+    hull: ConvexHull,
+    regions: Sequence[tuple[int, int, Floats]],
+) -> Reading:
+    """Reading of labels in regions: the outcome, the facet, and the corners (m, 3) of each."""
+    places = (
+        LabelPlace(labels[outcome], outcome, facet, region, hull.normals[facet])
+        for outcome, facet, region in regions
     )
-    return Reading(way, places)
+    return Reading(way, tuple(places))
 
 
 def _around_corners(
     hull: ConvexHull, labels: Sequence[str], corners: Integers, facets: Integers
 ) -> Reading:
     """Labels on all facets around the top corner (k,) of a die that rests on a facet (k,)."""
-    places = []
-    for outcome, (corner, below) in enumerate(zip(corners.tolist(), facets.tolist(), strict=True)):
-        for half_edge in _leaving(hull, corner):
-            facet = int(hull.facet[half_edge])
-            if facet != below:
-                region = _corner_region(hull, half_edge)
-                normal = hull.normals[facet]
-                places.append(LabelPlace(labels[outcome], outcome, facet, region, normal))
-    return Reading("corner", tuple(places))
+    regions = [
+        (outcome, int(hull.facet[half_edge]), _corner_region(hull, half_edge))
+        for outcome, (corner, below) in enumerate(zip(corners, facets, strict=True))
+        for half_edge in _leaving(hull, corner)
+        if hull.facet[half_edge] != below
+    ]
+    return _reading("corner", labels, hull, regions)
 
 
-def _leaving(hull: ConvexHull, corner: int) -> list[int]:
+def _leaving(hull: ConvexHull, corner: int) -> Integers:
     start, half_edges = hull.outgoing
-    leaving: list[int] = half_edges[start[corner] : start[corner + 1]].tolist()
-    return leaving
+    return half_edges[start[corner] : start[corner + 1]]
 
 
 def _corner_region(hull: ConvexHull, half_edge: int) -> Floats:
@@ -225,9 +239,6 @@ WALL: Final = 0.5
 """Distance along the facet between a pocket and the plane that bisects the angle at an edge, over
 the least margin; the wall to a pocket beyond the edge is twice as thick."""
 
-LEAST_SINE: Final = 1e-3
-"""Sine of the largest angle between planes that count as parallel."""
-
 SHARPEST: Final = 1e-12
 """Lower bound of one plus the cosine between the normals of two facets."""
 
@@ -241,29 +252,11 @@ def edge_margins(hull: ConvexHull, facet: int, options: EngravingOptions) -> Flo
     edges = slice(*hull.facet_start[facet : facet + 2].tolist())
     cosines = hull.normals[hull.facet[hull.twin[edges]]] @ hull.normals[facet]
     if options.style == "raised":
-        return _walls(cosines, options.depth_mm, options.border_mm) + options.margin_mm
-    return _walls(cosines, options.depth_mm, options.margin_mm)
+        return wall_distances(cosines, options.depth_mm, options.border_mm) + options.margin_mm
+    return wall_distances(cosines, options.depth_mm, options.margin_mm)
 
 
-def border_lines(
-    hull: ConvexHull, facet: int, frame: Floats, options: EngravingOptions
-) -> tuple[Floats, Floats]:
-    """Inner lines of the border of a sunk field, one for each plane that intersects the facet's.
-
-    frame: (4, 4) with the facet in its plane of x and y. Returns distances (n,) in mm from the
-    origin and unit directions (n, 2) toward the field, which is beyond the lines.
-    """
-    flat = -hull.normals @ frame[:3, :2]
-    sines = norms(flat)
-    meets = sines > LEAST_SINE
-    meets[facet] = False
-    cosines, sines = (hull.normals @ hull.normals[facet])[meets], sines[meets]
-    widths = _walls(cosines, options.depth_mm, options.border_mm)
-    distances = widths - hull.heights(frame[:3, 3])[meets] / sines
-    return distances, flat[meets] / sines[:, None]
-
-
-def _walls(cosines: Floats, depth: float, least: float) -> Floats:
+def wall_distances(cosines: Floats, depth: float, least: float) -> Floats:
     """Distances (m,) from the edges between planes, at least the least one, at which pockets of a
     depth leave a wall; cosines: (m,) between the normals of the planes.
 
@@ -315,6 +308,21 @@ class Placement:
     depth_share: float = 1.0
 
     @property
+    def plane(self) -> Floats:
+        """(3, 2) directions to the right and up on the label."""
+        return self.frame[:3, :2]
+
+    @property
+    def normal(self) -> Floats:
+        """(3,) direction out of the facet."""
+        return self.frame[:3, 2]
+
+    @property
+    def origin(self) -> Floats:
+        """(3,) point on the body."""
+        return self.frame[:3, 3]
+
+    @property
     def where(self) -> str:
         """Label and facet in messages."""
         return repr(self.text) if self.facet is None else f"{self.text!r} on facet {self.facet}"
@@ -336,19 +344,26 @@ class Placement:
             )
         return wider
 
+    def sink(self, section: CrossSection, depth: float, height: float) -> Manifold:
+        """Prism on a section in the plane of the label, from a depth below it, with a height."""
+        return section.extrude(height).translate((0.0, 0.0, -depth)).transform(self.frame[:3])
+
+    def turn(self, rotation: Floats) -> Placement:
+        """Placement turned about its origin by a rotation (3, 3)."""
+        return replace(self, frame=rigid_motion(rotation @ self.frame[:3, :3], self.origin))
+
+    def move_to(self, origin: Floats) -> Placement:
+        """Placement with another origin (3,)."""
+        return replace(self, frame=rigid_motion(self.frame[:3, :3], origin))
+
     def shift(self, shift: Floats) -> Placement:
         """Placement moved by a shift (3,) in mm."""
-        frame = self.frame.copy()
-        frame[:3, 3] += shift
-        return replace(self, frame=frame)
+        return self.move_to(self.origin + shift)
 
     def stretch(self, matrix: Floats) -> Placement:
         """Placement on a body that was stretched slightly by a symmetric matrix (3, 3)."""
-        frame = self.frame.copy()
-        normal = np.asarray(np.linalg.solve(matrix, frame[:3, 2]), dtype=np.float64)
-        frame[:3, :3] = rotation_between(self.frame[:3, 2], normal) @ frame[:3, :3]
-        frame[:3, 3] = matrix @ frame[:3, 3]
-        return replace(self, frame=frame)
+        normal = np.asarray(np.linalg.solve(matrix, self.normal), dtype=np.float64)
+        return self.turn(rotation_between(self.normal, normal)).move_to(matrix @ self.origin)
 
 
 def place_labels(
@@ -406,11 +421,9 @@ def _rights(region: Floats, outward: Floats, options: EngravingOptions) -> list[
     edges = np.roll(region, -1, axis=0) - region
     edges -= np.outer(edges @ outward, outward)
     lengths = np.linalg.norm(edges, axis=1)
-    longest = int(lengths.argmax())
-    if options.upright != "largest":
-        return [edges[longest] / lengths[longest]]
-    order = sorted(range(len(edges)), key=lambda k: (k != longest, -lengths[k]))
-    return [edges[k] / lengths[k] for k in order if lengths[k] > LONGER * lengths[longest]]
+    order = np.argsort(-lengths, kind="stable")
+    rights = [edges[k] / lengths[k] for k in order if lengths[k] > LONGER * lengths.max()]
+    return rights if options.upright == "largest" else rights[:1]
 
 
 def _fit(
@@ -449,8 +462,8 @@ def _fit(
         needed = 1.0 / inscribed_box(flat, (width * least, tall * least), rim=rim)[1]
     left, bottom, far_right, top = art.box
     x, y = center - 0.5 * height * np.array([left + far_right, bottom + top])
-    frame = np.eye(4)
-    frame[:3] = np.column_stack([right, up, outward, origin + x * right + y * up])
+    axes = np.column_stack([right, up, outward])
+    frame = rigid_motion(axes, origin + x * right + y * up)
     return Placement(place.text, frame, height, art, place.facet, growth), needed
 
 

@@ -21,6 +21,7 @@ from dicedesign.fabricate.label_art import LabelArt, label_arts
 from dicedesign.fabricate.label_layout import Placement, require_room
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
+from dicedesign.geometry.sphere import rigid_motion
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
@@ -150,9 +151,8 @@ def engrave_marks(
         # The line breaks whose shape is most nearly square.
         art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
         for middle, height in _places(view, turn, rise, art, marks, options):
-            frame = np.eye(4)
-            frame[:3] = np.column_stack([turn.T, middle @ turn])
             growth = art.growth(height, options.stroke_mm)
+            frame = rigid_motion(turn.T, middle @ turn)
             mark = Placement(text, frame, height, art, growth=growth)
             cut = _cut(turned, mark, middle, options.depth_mm)
             if cut is not None:
@@ -197,7 +197,7 @@ def _places(
     """
     nodes = view.nodes()
     clear = [
-        np.linalg.norm(nodes - turn @ other.frame[:3, 3], axis=-1)
+        np.linalg.norm(nodes - turn @ other.origin, axis=-1)
         - 0.5 * math.hypot(*_room(other.art, other.height, other.growth, options))
         for other in others
     ]

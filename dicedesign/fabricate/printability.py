@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, compress
 from typing import TYPE_CHECKING, Final
@@ -19,7 +19,7 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.printers import Printer, PrintOptions
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.hulls.polygons import facet_inradius
-from dicedesign.geometry.sphere import norms, rotation_between
+from dicedesign.geometry.sphere import norms, rigid_motion, rotation_between
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import (
     Surface,
@@ -94,7 +94,7 @@ class PrintedSolid:
     def poses(self, downs: Floats, printer: Printer) -> list[PrintPose]:
         """Measures of the die on the bed for unit directions (d, 3) that point to the bed."""
         heights = self._heights(downs)
-        hangs, areas = self.overhanging(downs, printer), norms(self._doubled_areas) / 2.0
+        hangs, areas = self.overhanging(downs, printer), self._areas
         contacts = areas @ (heights.max(axis=1) < ON_BED)
         overhangs = areas @ hangs
         supports = areas @ (hangs * (self._units @ downs.T) * heights.mean(axis=1))
@@ -130,14 +130,16 @@ class PrintedSolid:
         return np.asarray((depths.max(axis=0) - depths)[self.triangles])
 
     @cached_property
-    def _doubled_areas(self) -> Floats:
-        return doubled_area_vectors(self.points, self.triangles)
+    def _areas(self) -> Floats:
+        """(t,) areas of the triangles."""
+        return norms(doubled_area_vectors(self.points, self.triangles)) / 2.0
 
     @cached_property
     def _units(self) -> Floats:
         """(t, 3) unit normals of the triangles, 0 for those without area."""
-        doubled = norms(self._doubled_areas)[:, None]
-        return np.asarray(self._doubled_areas / np.where(doubled > 0.0, doubled, 1.0))
+        vectors = doubled_area_vectors(self.points, self.triangles)
+        doubled = 2.0 * self._areas[:, None]
+        return np.asarray(vectors / np.where(doubled > 0.0, doubled, 1.0))
 
 
 def _limit(printer: Printer) -> float:
@@ -163,13 +165,11 @@ def beds(poses: RestPoses) -> Floats:
 def placement_on_bed(points: Floats, down: Floats) -> Floats:
     """(4, 4) rigid motion that turns a unit direction (3,) down by the smallest rotation, and moves
     points (n, 3) onto the bed z = 0 with the middle of their box above its origin."""
-    transform = np.eye(4)
-    transform[:3, :3] = rotation_between(down, np.array([0.0, 0.0, -1.0]))
-    turned = points @ transform[:3, :3].T
+    turn = rotation_between(down, np.array([0.0, 0.0, -1.0]))
+    turned = points @ turn.T
     low, high = turned.min(axis=0), turned.max(axis=0)
-    transform[:2, 3] = -(low + high)[:2] / 2.0
-    transform[2, 3] = -low[2]
-    return transform
+    x, y, _ = -(low + high) / 2.0
+    return rigid_motion(turn, [x, y, -low[2]])
 
 
 PARALLEL_COSINE: Final = math.cos(math.radians(15.0))
@@ -277,14 +277,13 @@ def walls_under(
     """
     pockets, walls = [], []
     for placement in placements:
-        section, frame, own = placement.section(), placement.frame, depth * placement.depth_share
-        cut = section.extrude(own).translate((0.0, 0.0, -own))
-        pockets.append(cut.transform(frame[:3]))
-        rim = np.concatenate(section.to_polygons()) @ frame[:3, :2].T + frame[:3, 3]
-        beneath = hull.normals @ frame[:3, 2] < BENEATH
-        room = hull.depths(rim - own * frame[:3, 2])[:, beneath]
+        section, own = placement.section(), depth * placement.depth_share
+        pockets.append(placement.sink(section, own, own))
+        rim = np.concatenate(section.to_polygons()) @ placement.plane.T + placement.origin
+        beneath = hull.normals @ placement.normal < BENEATH
+        room = hull.depths(rim - own * placement.normal)[:, beneath]
         walls.append(max(float(room.min(initial=hull.diameter)), 0.0))
-    middles = [placement.frame[:3, 3] for placement in placements]
+    middles = [placement.origin for placement in placements]
     # The nearest first, so that those after them need not be searched for far.
     pairs = combinations(range(len(pockets)), 2)
     for one, other in sorted(pairs, key=lambda pair: math.dist(*(middles[at] for at in pair))):
@@ -402,7 +401,7 @@ def printability(
         section = placement.section()
         stroke, gap = narrowest_stroke(section), narrowest_stroke(section, 1.0)
         labels.append(PrintedLabel(placement.text, stroke, gap, wall))
-    return Printability(
+    facts = Printability(
         printer=printer.name,
         spot_mm=printer.spot_mm,
         layer_mm=printer.layer_mm,
@@ -417,23 +416,16 @@ def printability(
         poses=tuple(die.poses(rests.normals, printer)),
         best=best,
         placement=tuple(map(tuple, placement_on_bed(die.points, np.array(best.normal)).tolist())),
-        warnings=tuple(
-            _warnings(printer, engraving, thin, labels, check, is_convex=designed is not None)
-        ),
+        warnings=(),
     )
+    return replace(facts, warnings=tuple(_warnings(facts, printer, engraving)))
 
 
 def _warnings(
-    printer: Printer,
-    engraving: EngravingOptions | None,
-    thin: ThinParts | None,
-    labels: Sequence[PrintedLabel],
-    check: FileCheck,
-    *,
-    is_convex: bool,
+    facts: Printability, printer: Printer, engraving: EngravingOptions | None
 ) -> Iterator[str]:
     """Yield a sentence with a remedy for each feature that the printer cannot make."""
-    called = printer.name
+    called, thin, labels, check = printer.name, facts.thin, facts.labels, facts.file
     if printer.has_nozzle:
         called += f" with a nozzle of {printer.spot_mm:.2g} mm"
     if thin is not None:
@@ -477,7 +469,7 @@ def _warnings(
         # A ball opposite to the labels of a convex die, or the cavity of a concave one.
         remedy = (
             "engrave.balance: shape, or drain it with inside.drain_mm"
-            if is_convex
+            if facts.smallest_facet is not None
             else "fdm, or no method.concave.hollow"
         )
         yield (

@@ -187,7 +187,7 @@ SLS: Final = Printer(
 PRINTERS: Final = Registry(
     "printer",
     Printer,
-    builtin=tuple(f"dicedesign.fabricate.printers:{name}" for name in ("FDM", "SLA", "SLS")),
+    builtin=(FDM, SLA, SLS),
     group="dicedesign.printers",
 )
 """All kinds of printers, the most common first."""

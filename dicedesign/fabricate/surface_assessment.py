@@ -150,9 +150,11 @@ def assess_surface(
             "95 % of the surface is distorted in shape by a factor of at most {shape_most:.3g}, "
             "and in size by {size_most:.3g}".format_map(quality.distortion)
         )
-    cavities = None
+    cavities, is_printable = None, solid.is_printable
     if design_result.hollow is not None and solid.is_printable:
+        assert wanted.hollow is not None
         cavities = measure_cavities(surface)
+        is_printable = cavities.wall_mm >= wanted.hollow.wall_mm * (1.0 - FILE_WALL)
     record = Concave(
         probabilities_before=tuple(before.probabilities.tolist()),
         elsewhere_before=before.elsewhere,
@@ -165,17 +167,13 @@ def assess_surface(
         cavities=cavities,
         repair=None if repaired is None else repaired.numbers,
     )
-    is_thin = False
-    if cavities is not None:
-        assert wanted.hollow is not None
-        is_thin = cavities.wall_mm < wanted.hollow.wall_mm * (1.0 - FILE_WALL)
     # Outcomes that are nearer, or left earlier, are crowded or unsteady, as of any die.
     apart, margin = plain.outcomes.least_angle, plain.margins.min()
     flaws = {
         Status.LOOSE: gap > FILLED_GAP,
         Status.SELF_INTERSECTING: crossings > 0,
         Status.OPEN: plain.poses.center_of_mass_source != "uniform solid",
-        Status.UNPRINTABLE: is_thin or not solid.is_printable,
+        Status.UNPRINTABLE: not is_printable,
         Status.TOO_NEAR: SAME_REST_ANGLE <= apart < np.radians(wanted.apart_deg) - FILE_ANGLE,
         Status.TIPPY: LEAST_MARGIN <= margin < np.radians(wanted.margin_deg) - FILE_ANGLE,
     }
@@ -215,7 +213,8 @@ def advise_on_surface(
                 f"{labels[outcome]} tips over at {margins[outcome]:.3g} degrees, wanted are "
                 f"{wanted:.3g}"
             )
-    done, progress = design_result.progress.attempts, design_result.progress
+    progress = design_result.progress
+    done = progress.attempts
     if progress.best is not None:
         yield f"this is the best of {done} attempt{'' if done == 1 else 's'}"
     remedies = ["take another seed, target or surface"]

@@ -70,6 +70,11 @@ def unit_vectors(vectors: NDArray[Any]) -> Floats:
     return vectors / norms(vectors)[..., None]
 
 
+def rigid_motion(turn: Floats, shift: Any) -> Floats:
+    """Rigid motion (4, 4) of a rotation (3, 3) and then a shift (3,)."""
+    return np.vstack([np.column_stack([turn, shift]), [0.0, 0.0, 0.0, 1.0]])
+
+
 def angle_between(a: Floats, b: Floats) -> Floats:
     """Angle in [0, pi] between vectors a and b (..., 3), exact for small and flat angles."""
     # By components: np.linalg.cross takes three times as long for few vectors.

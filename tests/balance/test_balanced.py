@@ -9,8 +9,7 @@ import pytest
 import trimesh
 from common.bodies import box
 
-from dicedesign.balance.balanced import balance_body
-from dicedesign.balance.best_center import CenterSearch
+from dicedesign.balance.balanced import CenterSearch, balance_body
 from dicedesign.balance.goals import EqualProbabilities, FewestRests, GivenProbabilities, Standing
 from dicedesign.balance.options import BalanceOptions
 from dicedesign.errors import InputError

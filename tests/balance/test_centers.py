@@ -9,7 +9,7 @@ import pytest
 from common.bodies import box
 from common.paths import public_data
 
-from dicedesign.balance.best_center import CenterSearch, best_center, whole_hull
+from dicedesign.balance.balanced import CenterSearch, best_center, whole_hull
 from dicedesign.balance.goals import (
     EqualProbabilities,
     FewestRests,
