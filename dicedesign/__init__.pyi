@@ -5,7 +5,7 @@ from . import extensions as extensions
 from . import methods as methods
 from . import starts as starts
 from .balance.balanced import balance_body as balance_body
-from .balance.best_center import best_center as best_center
+from .balance.balanced import best_center as best_center
 from .balance.goals import EqualProbabilities as EqualProbabilities
 from .balance.goals import FewestRests as FewestRests
 from .balance.goals import GivenProbabilities as GivenProbabilities
