@@ -65,9 +65,10 @@ def test_slower_work_takes_longer() -> None:
 
 def test_exact(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     recipe = ROOT / "recipes" / "fair_d3.yaml"
-    record = run(capsys, "exact", recipe, "--targets", 2, "--out", tmp_path)
-    assert record["targets"][-1]["solved"] == 2
-    assert record["recipes"][0]["status"] == "converged"
+    targets = run(capsys, "exact", "--part", "targets", "--targets", 2)
+    assert targets["targets"][-1]["solved"] == 2
+    recipes = run(capsys, "exact", recipe, "--part", "recipes", "--out", tmp_path)
+    assert recipes["recipes"][0]["status"] == "converged"
     assert (tmp_path / "exact.json").exists()
 
 

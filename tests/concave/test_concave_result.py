@@ -19,8 +19,8 @@ from dicedesign.results.parts import Draft
 from dicedesign.results.result import Step
 
 BAD: list[tuple[type, dict[str, Any], str]] = [
-    (ConcaveOptions, {"tolerance": 1.0}, "tolerance: expected a number above 0 and below 1, got 1"),
-    (ConcaveOptions, {"hull": "exact"}, "hull: expected gauss_newton or paper, got 'exact'; cho"),
+    (ConcaveOptions, {"tolerance": 1.0}, "tolerance: expected a number below 1, got 1"),
+    (ConcaveOptions, {"hull": "exact"}, "hull: expected 'gauss_newton' or 'paper', got 'exact'"),
     (
         ConcaveOptions,
         {"paper": ConcavePaperOptions()},
@@ -31,10 +31,10 @@ BAD: list[tuple[type, dict[str, Any], str]] = [
         {"hollow": HollowOptions(), "fill": "paper"},
         "hollow: expected hull: gauss_newton and fill: correspondence with it, got gauss_n",
     ),
-    (ConcaveOptions, {"points": 49}, "points: expected at least 50, got 49; raise it"),
-    (ConcaveOptions, {"margin_deg": 90.0}, "margin_deg: expected degrees from 0 to below 90"),
-    (HollowOptions, {"wall_mm": math.nan}, "wall_mm: expected a positive number, got"),
-    (ConcavePaperOptions, {"growth": 1.0}, "paper.growth: expected a number above 1 and at most"),
+    (ConcaveOptions, {"points": 49}, "points: expected a number of at least 50, got 49"),
+    (ConcaveOptions, {"margin_deg": 90.0}, "margin_deg: expected a number below 90"),
+    (HollowOptions, {"wall_mm": math.nan}, "wall_mm: expected a finite number, got"),
+    (ConcavePaperOptions, {"growth": 1.0}, "growth: expected a number above 1"),
 ]
 
 

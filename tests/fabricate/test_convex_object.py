@@ -75,7 +75,7 @@ def test_unsuitable_radii_are_refused() -> None:
             core_scale(EdgeOptions(radius), 30.0)
     with pytest.raises(InputError, match="radius_mm"):
         EdgeOptions(math.nan)
-    with pytest.raises(InputError, match="fillet or chamfer"):
+    with pytest.raises(InputError, match="'fillet' or 'chamfer'"):
         EdgeOptions(1.0, "round")
     assert core_scale(EdgeOptions(0.03, "chamfer"), 30.0) == pytest.approx(0.998)
 
