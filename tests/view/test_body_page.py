@@ -48,7 +48,7 @@ def test_probabilities_follow_a_dragged_center_and_a_dragged_corner(
     assert matches(opened, dd.rest_poses(body))
     np.testing.assert_allclose(opened.center(), 0.0, atol=1e-5)
     opened.choose("Drag", "Center of mass")
-    opened.page.wait_for_timeout(2000.0)
+    opened.page.wait_for_timeout(800.0)
 
     pull(opened, axis=0, by=0.15)
     moved = opened.center()
@@ -64,7 +64,7 @@ def test_probabilities_follow_a_dragged_center_and_a_dragged_corner(
     opened.until(lambda: matches(opened, dd.rest_poses(body)))
 
     opened.choose("Drag", "Corner")
-    opened.page.wait_for_timeout(1000.0)
+    opened.page.wait_for_timeout(800.0)
     before = opened.view.viewport.viewed
     pull(opened, axis=1, by=0.2)
     viewed = opened.view.viewport.viewed
@@ -109,6 +109,7 @@ def test_a_clicked_bar_stands_the_body_and_a_throw_ends_on_a_rest(
         opened.until(lambda: opened.page.query_selector("#notice") is None)
 
 
+@pytest.mark.full
 def test_a_public_model_has_its_probabilities_on_the_page(
     open_page: Callable[..., OpenedPage],
 ) -> None:
@@ -120,6 +121,7 @@ def test_a_public_model_has_its_probabilities_on_the_page(
     assert opened.foreign_urls == []
 
 
+@pytest.mark.full
 def test_all_browsers_show_a_typed_center(
     open_page: Callable[..., OpenedPage], block: Path
 ) -> None:

@@ -62,62 +62,75 @@ class NewDie(OpenedPage):
         return path
 
 
-@pytest.fixture
-def new_die(open_page: Callable[..., NewDie]) -> Iterator[NewDie]:
-    opened = open_page(kind=NewDie)
-    opened.page.get_by_role("tab", name="New die").click()
-    opened.state("done")
-    opened.button("Reset")
-    opened.until(lambda: opened.page.query_selector("#design") is None)
-    yield opened
-    assert not opened.errors
-
-
 def probabilities_of(path: Path) -> np.ndarray:
     """(r,) probabilities of the rests of a file, in descending order."""
     return dd.rest_poses(dd.read_body(path)).probabilities
 
 
-def test_probabilities_become_files(new_die: NewDie, tmp_path: Path) -> None:
+def test_a_die_is_chosen_typed_designed_and_saved(
+    open_page: Callable[..., NewDie], tmp_path: Path
+) -> None:
+    """The page opens with a design; the menu and typed probabilities give others."""
+    new_die = open_page(kind=NewDie)
+    menu = new_die.page.get_by_label("Die", exact=True).first
+    assert "2d6" in menu.input_value()
+    new_die.state("done")
+    chances = np.minimum(np.arange(1, 12), np.arange(11, 0, -1)) / 36
+    np.testing.assert_allclose(new_die.numbers("facets", 3), chances, atol=TOLERANCE)
+    new_die.choose("Die", "Fair, 3 sides")
+    new_die.until(lambda: len(new_die.table("facets")) == 3)
+    new_die.state("done")
+    np.testing.assert_allclose(new_die.numbers("facets", 3), 1 / 3, atol=TOLERANCE)
+
+    new_die.button("Reset")
+    new_die.until(lambda: new_die.page.query_selector("#design") is None)
+    new_die.button("STL")
+    assert "press Design first" in new_die.text("file-error")
+    for probabilities, text in (
+        ("1/2, 1/3", "expected a sum of 1, got 0.8333"),
+        ("<b>: [", "expected YAML"),
+    ):
+        new_die.field("Probabilities", probabilities)
+        new_die.until(lambda text=text: text in new_die.text("target-error"))
+        new_die.button("Design")
+    assert new_die.page.query_selector("#design") is None
+
     new_die.field("Probabilities", "1/2, 1/3, 1/6")
-    new_die.field("Labels", "heads, tails, edge")
+    new_die.field("Labels", "a, a, a")
+    new_die.until(lambda: "expected at least two different" in new_die.text("target-error"))
+    new_die.field("Labels", "heads, <i>, edge")
+    new_die.until(lambda: new_die.page.query_selector("#target-error") is None)
+    assert menu.input_value() == "Your own"
     new_die.button("Design")
     assert "millionth" in new_die.state("done")
-    assert new_die.column("facets", 0) == ["heads", "tails", "edge"]
+    assert new_die.column("facets", 0) == ["heads", "<i>", "edge"]
     target = [1 / 2, 1 / 3, 1 / 6]
     for column in (2, 3):
         np.testing.assert_allclose(new_die.numbers("facets", column), target, atol=TOLERANCE)
+    for size, text in (
+        ("4", "use size_mm = "),
+        ("large", "size: expected a number of millimeters, got 'large'"),
+    ):
+        new_die.field("Size in mm", size)
+        new_die.page.wait_for_timeout(300.0)
+        new_die.button("STL")
+        new_die.until(lambda text=text: text in new_die.text("file-error"))
+    new_die.field("Size in mm", "")
+    new_die.page.wait_for_timeout(300.0)
 
     stl = new_die.download("STL", tmp_path)
     assert stl.name == "die.stl"
     np.testing.assert_allclose(probabilities_of(stl), target, atol=1e-6)
-    assert new_die.column("printed", 0) == ["heads", "tails", "edge"]
+    assert new_die.column("printed", 0) == ["heads", "<i>", "edge"]
     np.testing.assert_allclose(new_die.numbers("printed", 2), probabilities_of(stl), atol=1e-8)
     np.testing.assert_allclose(
         probabilities_of(new_die.download("3MF", tmp_path)), target, atol=1e-6
     )
-
     recipe = new_die.download("Recipe", tmp_path)
     assert recipe.name == "die.yaml"
     again = dd.run(recipe, tmp_path / "again", changes=["figures=false", "report=false"])
     assert (again.folder / "die.stl").read_bytes() == stl.read_bytes()
-
-
-def test_the_first_view_and_the_menu_show_the_die_of_the_fields(
-    open_page: Callable[..., NewDie],
-) -> None:
-    opened = open_page(kind=NewDie)
-    menu = opened.page.get_by_label("Die", exact=True).first
-    assert "2d6" in menu.input_value()
-    opened.state("done")
-    chances = np.minimum(np.arange(1, 12), np.arange(11, 0, -1)) / 36
-    np.testing.assert_allclose(opened.numbers("facets", 3), chances, atol=TOLERANCE)
-    opened.choose("Die", "Fair, 3 sides")
-    opened.until(lambda: len(opened.table("facets")) == 3)
-    opened.state("done")
-    np.testing.assert_allclose(opened.numbers("facets", 3), 1 / 3, atol=TOLERANCE)
-    opened.field("Probabilities", "1:2:3")
-    opened.until(lambda: menu.input_value() == "Your own")
+    assert new_die.errors == []
 
 
 @pytest.fixture
@@ -133,7 +146,12 @@ def extension() -> Iterator[str]:
     PREFERENCES.unregister(preference.name)
 
 
-def test_extensions_and_their_weights(extension: str, new_die: NewDie, tmp_path: Path) -> None:
+@pytest.mark.full
+def test_extensions_and_their_weights(
+    extension: str, open_page: Callable[..., NewDie], tmp_path: Path
+) -> None:
+    new_die = open_page(kind=NewDie)
+    new_die.state("done")
     new_die.field("Probabilities", "fair: 5")
     new_die.expand("More", "Preferences")
     new_die.expand("Preferences", extension)
@@ -147,35 +165,6 @@ def test_extensions_and_their_weights(extension: str, new_die: NewDie, tmp_path:
     prefer = recipe["method"]["exact"]["prefer"]
     assert (prefer[extension], prefer["roundness"]) == (1.5, 1.7)
     assert prefer["circles"] == legible().circles
-
-
-def test_errors_are_shown_at_the_field(new_die: NewDie) -> None:
-    new_die.button("STL")
-    assert "press Design first" in new_die.text("file-error")
-    for probabilities, text in (
-        ("1/2, 1/3", "expected a sum of 1, got 0.8333"),
-        ("<b>: [", "expected YAML"),
-    ):
-        new_die.field("Probabilities", probabilities)
-        new_die.until(lambda text=text: text in new_die.text("target-error"))
-        new_die.button("Design")
-    assert new_die.page.query_selector("#design") is None
-    new_die.field("Probabilities", "1/2, 1/3, 1/6")
-    new_die.field("Labels", "a, a, a")
-    new_die.until(lambda: "expected at least two different" in new_die.text("target-error"))
-    new_die.field("Labels", "a, b, <i>c")
-    new_die.until(lambda: new_die.page.query_selector("#target-error") is None)
-    new_die.button("Design")
-    new_die.state("done")
-    assert new_die.column("facets", 0) == ["a", "b", "<i>c"]
-    for size, text in (
-        ("4", "use size_mm = "),
-        ("large", "size: expected a number of millimeters, got 'large'"),
-    ):
-        new_die.field("Size in mm", size)
-        new_die.page.wait_for_timeout(500.0)
-        new_die.button("STL")
-        new_die.until(lambda text=text: text in new_die.text("file-error"))
 
 
 def test_the_target_of_a_loaded_die_fills_the_fields(
