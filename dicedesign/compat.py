@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["compute_stable_poses"]
 
-_MOST_REFUSED: Final = 1000
+_MOST_REFUSED = 1000
 """Maximum number of random centers of mass for each one inside the hull."""
 
 

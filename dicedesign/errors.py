@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from numbers import Real
-from typing import Final, TypeGuard
+from typing import TypeGuard
 
 __all__ = [
     "DegenerateBodyError",
@@ -102,10 +102,10 @@ def missing_extra(extra: str, wanted: str, error: ImportError) -> InputError:
     )
 
 
-MOST_COUNT: Final = 10**9
+MOST_COUNT = 10**9
 """Largest count of anything."""
 
-MOST_SEED: Final = 2**96
+MOST_SEED = 2**96
 """Upper bound of seeds. Recipes have seeds below 2^64, and derive one for each series of throws."""
 
 

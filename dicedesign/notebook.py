@@ -5,23 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
 from dicedesign.palette import BASINS, PALE, repeat, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 
-HEIGHT_PX: Final = 320
+HEIGHT_PX = 320
 """Height of the view, in pixels."""
 
-LAMP: Final = 1.5
+LAMP = 1.5
 """Brightness of the lamp of the viewer on a facet at some angle to it."""
 
-ON_FACET: Final = 0.05
+ON_FACET = 0.05
 """Largest distance of a colored triangle from the plane of its facet, over the size of the body."""
 
-MAX_ROWS: Final = 30
+MAX_ROWS = 30
 """Most rows of a table; a last line counts the others."""
 
 Solid = tuple[Floats, Integers] | Path

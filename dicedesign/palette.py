@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from dicedesign.runtime.arrays import Floats
 
-DARK: Final = "#1f2933"
+DARK = "#1f2933"
 """Separatrices, axes and text."""
 
-ACCENT: Final = "#c2571a"
+ACCENT = "#c2571a"
 """Achieved values."""
 
-PALE: Final = "#9fb3c8"
+PALE = "#9fb3c8"
 """Target values."""
 
-FAINT: Final = "#7b8794"
+FAINT = "#7b8794"
 """Hull arcs and reference lines."""
 
-GRID: Final = "#dee1e4"
+GRID = "#dee1e4"
 """Lines of a grid."""
 
-DISTINCT: Final = (
+DISTINCT = (
     "#d55e00",
     "#0072b2",
     "#009e73",
@@ -37,7 +36,7 @@ DISTINCT: Final = (
 """Line colors that color-blind people can distinguish. Source: M. Okabe and K. Ito, Color Universal
 Design (2008); gray replaces yellow, which is hard to see on white."""
 
-BASINS: Final = (
+BASINS = (
     "#7fb2de",
     "#f5b26b",
     "#86cf94",

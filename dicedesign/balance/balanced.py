@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, Final, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -42,17 +42,17 @@ from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MM, MOST_MM
 
-APART: Final = 0.03
+APART = 0.03
 """Least distance of two starts, relative to the diameter of the hull."""
 
-SHARES: Final = (1.0, 0.1)
+SHARES = (1.0, 0.1)
 """Weights of the probability of other poses, in turn; then it has none."""
 
-GOOD: Final = 0.5
+GOOD = 0.5
 """Share of the tolerance within which results are ranked by their distance from jumps and by the
 probability of other poses."""
 
-CLEAR: Final = 2e-3
+CLEAR = 2e-3
 """Distance of a center of mass from jumps, relative to the diameter of the hull: 0.1 mm, the error
 of a print, for 50 mm."""
 
@@ -287,7 +287,7 @@ class Balanced(BestCenter):
         }
 
 
-PARTS: Final = (1.0, 0.85, 0.7)
+PARTS = (1.0, 0.85, 0.7)
 """Parts of the estimated reach of a way that are tried in turn."""
 
 

@@ -7,7 +7,7 @@ minimization in three variables.
 
 from __future__ import annotations
 
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from manifold3d import Manifold, OpType
@@ -22,44 +22,44 @@ from dicedesign.geometry.triangles import Surface, join_surfaces, surface_of
 from dicedesign.results.parts import Cavities
 from dicedesign.runtime.arrays import Floats
 
-STEPS: Final = 40
+STEPS = 40
 """Grid steps along the longest extent."""
 
-LEAST_PART: Final = 0.01
+LEAST_PART = 0.01
 """Volume of a part of the cavity, relative to the largest part, below which it stays solid."""
 
-DEEPER: Final = 1.05
+DEEPER = 1.05
 """Increase of the depth of the cavity over the deficit of its walls."""
 
-DEEPER_BY_WALL: Final = 2e-3
+DEEPER_BY_WALL = 2e-3
 """Further increase, relative to the wall."""
 
-MAX_TRIES: Final = 6
+MAX_TRIES = 6
 """Largest number of times that walls are measured and the cavity is made smaller."""
 
-CENTERED: Final = 1e-14
+CENTERED = 1e-14
 """Largest remaining moment, in units of about the diagonal."""
 
-MAX_STEPS: Final = 60
+MAX_STEPS = 60
 """Largest number of Newton steps."""
 
-HALVINGS: Final = 40
+HALVINGS = 40
 """Largest number of halvings of a step."""
 
-DECREASE: Final = 1e-4
+DECREASE = 1e-4
 """Share of the predicted decrease that a step must achieve (Armijo condition)."""
 
-START: Final = 1.2
+START = 1.2
 """Ratio of the distances of the farthest corner and of the first plane."""
 
-NEAREST: Final = 1e-4
+NEAREST = 1e-4
 """Distance of the plane from the center of mass, relative to the diagonal, at which the search
 fails."""
 
-DIFFERENCE: Final = 1e-4
+DIFFERENCE = 1e-4
 """Relative step of the finite differences for second derivatives."""
 
-REGULAR: Final = 1e-9
+REGULAR = 1e-9
 """Regularization of the second derivatives, relative to their trace."""
 
 
@@ -209,10 +209,10 @@ def _sample_depths(surface: Surface, steps: int) -> GridValues:
     )
 
 
-REACH_STEPS: Final = 24
+REACH_STEPS = 24
 """Grid steps along the longest extent."""
 
-DIRECTIONS: Final = 60
+DIRECTIONS = 60
 """Number of directions in which the farthest shift is computed."""
 
 

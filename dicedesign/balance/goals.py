@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import torch
@@ -23,7 +23,7 @@ from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE, SAME_REST_ANGLE
 
-MAX_POSES: Final = 100
+MAX_POSES = 100
 """Largest number of poses of a goal; three coordinates do not control many probabilities."""
 
 
@@ -276,20 +276,20 @@ def _check_pose(key: str, pose: int, poses: RestPoses) -> Floats:
     return poses.normals[pose - 1]
 
 
-ENOUGH: Final = 1e-12
+ENOUGH = 1e-12
 """Norm of the residuals at which a goal is reached exactly."""
 
-DAMPING: Final = (1e-3, 0.2, 8.0, 1e12)
+DAMPING = (1e-3, 0.2, 8.0, 1e12)
 """Damping of the first step, relative to the largest squared slope; factors after an accepted and
 after a rejected step; and largest damping, at which the descent stops."""
 
-FIRST_SEARCH: Final = 0.02
+FIRST_SEARCH = 0.02
 """Length of the first steps along the axes, relative to the diameter of the hull."""
 
-LAST_SEARCH: Final = 1e-5
+LAST_SEARCH = 1e-5
 """Least length of steps along the axes, relative to the diameter of the hull."""
 
-AXES: Final = np.concatenate([np.eye(3), -np.eye(3)])
+AXES = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -14,7 +14,7 @@ from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MM, MOST_MM
 WayName = Literal["cavity", "infill"]
 """Ways to move a center of mass, in the order in which they are tried."""
 
-LEAST_WALL: Final = 0.05
+LEAST_WALL = 0.05
 """Lower limit of lengths in mm, below any printer's resolution."""
 
 
@@ -56,7 +56,7 @@ class InsideOptions(BodyMaterial):
     """"cavity", or two densities of "infill"; `inside: cavity` is short for it."""
 
 
-MANY_CORNERS: Final = 1000
+MANY_CORNERS = 1000
 """Number of corners of a hull above which the effort is reduced."""
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 from scipy.optimize import nnls
@@ -94,11 +93,11 @@ def spread_evenly(sizes: Floats, draws: Floats) -> tuple[Integers, Floats]:
     return which, np.diff(steps, axis=1, prepend=0.0, append=1.0)
 
 
-UNSHIFTED: Final = 1e-6
+UNSHIFTED = 1e-6
 """Least shift of the center of mass relative to the diagonal; less is lost in the single precision
 of a file."""
 
-REGULAR: Final = 1e-9
+REGULAR = 1e-9
 """Regularization of the quadratic form, relative to its trace."""
 
 
@@ -174,7 +173,7 @@ class Stability:
         return Halfspaces(-self.sides.normals[edges], -self.sides.offsets[edges] - clearance)
 
 
-LEAST_DEPTH: Final = 1e-9
+LEAST_DEPTH = 1e-9
 """Least distance of a center of mass beyond a side, relative to the diameter of the hull."""
 
 
@@ -227,7 +226,7 @@ def _one_less(stability: Stability, within: Halfspaces, center: Floats) -> Float
     return None
 
 
-INSIDE: Final = 0.95
+INSIDE = 0.95
 """Scale of a hull, about its centroid, in which a center of mass may be: not next to the
 surface."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from manifold3d import Manifold, OpType
@@ -36,22 +36,22 @@ from dicedesign.geometry.surfaces.grid_surface import closest_points
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.runtime.arrays import Floats
 
-PLACES: Final = 3000
+PLACES = 3000
 """Number of points on the surface that are candidates for a mouth."""
 
-MAX_TRIED: Final = 40
+MAX_TRIED = 40
 """Largest number of candidates whose hole is cut."""
 
-STEEP: Final = 0.85
+STEEP = 0.85
 """Least cosine of the angle between a hole and the normal at its mouth."""
 
-BEYOND: Final = 0.9
+BEYOND = 0.9
 """Length of a cut beyond the mouth in radii; half as much into the cavity."""
 
-APART: Final = 1.3
+APART = 1.3
 """Least distance of the axis from the corners of the hull, in radii."""
 
-SEGMENTS: Final = 48
+SEGMENTS = 48
 """Number of segments of a hole's circle."""
 
 
@@ -111,15 +111,15 @@ def drain_hole(surface: Surface, cavity: Surface, center: Floats, radius: float)
     )
 
 
-SAFE: Final = 0.95
+SAFE = 0.95
 """Safety factor of a reach."""
 
-MAX_HOLES: Final = 6
+MAX_HOLES = 6
 
-LEAST_PIECE: Final = 1e-3
+LEAST_PIECE = 1e-3
 """Volume relative to the largest below which a piece of a difference of files is rounding."""
 
-MODIFIER: Final = "_sparse.stl"
+MODIFIER = "_sparse.stl"
 """Suffix of the file name of the part with less infill."""
 
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import ClassVar, Final, Literal
+from typing import ClassVar, Literal
 
 from dicedesign.errors import InputError, check_whole
 
-MAX_JOBS: Final = 4096
+MAX_JOBS = 4096
 """Limit of `--jobs`."""
 
 

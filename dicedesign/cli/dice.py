@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from dicedesign.cli.commands import (
     DesignArguments,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dicedesign.results.parts import RoundOfThrows
     from dicedesign.results.result import Result, Step
 
-OPTION_OF_KEY: Final = (
+OPTION_OF_KEY = (
     (r"target(: |\.)(probabilities|fair|binomial|sum_of_dice)(\.\d+)?", "--target"),
     (r"target(: |\.)labels(\.\d+)?", "--labels"),
     (r"target", "--target"),

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import MISSING, fields
 from pkgutil import resolve_name
 from types import UnionType
-from typing import Any, Final, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from dicedesign.cli.commands import (
     BalanceArguments,
@@ -41,7 +41,7 @@ from dicedesign.errors import DiceError, printable
 
 __all__ = ["main"]
 
-COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
+COMMANDS: dict[str, tuple[type[Command], str]] = {
     "run": (RunArguments, "dice:run_recipe"),
     "design": (DesignArguments, "dice:design"),
     "sweep": (SweepArguments, "dice:sweep"),
@@ -58,18 +58,18 @@ COMMANDS: Final[dict[str, tuple[type[Command], str]]] = {
 }
 """Arguments of each subcommand, and the "module:function" of this folder that runs it."""
 
-DEBUG: Final = "--debug"
+DEBUG = "--debug"
 
-UNEXPECTED: Final = 3
+UNEXPECTED = 3
 """Exit code of a bug."""
 
-STREAM_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+STREAM_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """System errors of a full or closed stream; files raise `OutputError` instead."""
 
-OPTION: Final = r"^(\w+)(?: \((.*?)\))?: (.*(?:\n .*)*)"
+OPTION = r"^(\w+)(?: \((.*?)\))?: (.*(?:\n .*)*)"
 """Name, placeholder and description of an option in a `help_text`."""
 
-ALLOCATIONS_PER_COLLECTION: Final = 50_000
+ALLOCATIONS_PER_COLLECTION = 50_000
 """Container allocations between garbage collections. With Python's default of 700, a run with
 figures spends a seventh of its time there, because its libraries are millions of objects."""
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -154,7 +154,7 @@ def _refuse_overwriting(source: Path, target: Path, expected: str) -> None:
         raise InputError(f"--out: expected {expected}, got {target}; take another")
 
 
-MAX_BODIES: Final = 20_000
+MAX_BODIES = 20_000
 """Limit of `--count`."""
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
 
-MISSING_KERNELS: Final = (
+MISSING_KERNELS = (
     "without the compiled kernels this takes many times as long; install the package where "
     "there is a C++ compiler"
 )

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from dicedesign.cli.commands import RollsArguments
 from dicedesign.cli.options import (
@@ -28,11 +28,11 @@ from dicedesign.throws import goodness_of_fit
 from dicedesign.throws.goodness_of_fit import POWER, WITHIN, RollVerdict
 from dicedesign.throws.roll_log import RollLog, read_counts
 
-LEAST_CONFIDENCE: Final = 0.5
+LEAST_CONFIDENCE = 0.5
 
-DONE: Final = "done"
+DONE = "done"
 
-UNDO: Final = "undo"
+UNDO = "undo"
 """Commands, unless the die has them as labels."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -34,9 +34,9 @@ from dicedesign.throws.rigid_body import rigid_body
 from dicedesign.throws.simulation import Throws, check_throws, simulate
 from dicedesign.throws.tables import load_table, mixture_tables, with_hand
 
-CONFIDENCE: Final = 0.95
+CONFIDENCE = 0.95
 
-MM_PER_METER: Final = 1e3
+MM_PER_METER = 1e3
 
 
 def throw(options: ThrowArguments) -> int:

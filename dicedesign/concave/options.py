@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -158,7 +158,7 @@ def _start_shape(name: str, _: int) -> StartSurface:
     return StartSurface(shape(name))
 
 
-SHAPE: Final = StartKind(
+SHAPE = StartKind(
     name="shape",
     line="a surface built in, `dragon`, `duck`, `kitten` or `knot`, for method concave",
     # Equal to `SHAPES`, whose module takes long to import.

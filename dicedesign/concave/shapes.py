@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from importlib import resources
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import yaml
@@ -107,14 +107,14 @@ def level_set(distance: Distance, low: Floats, high: Floats, spacing: float) -> 
     return GridValues(lambda points: -distance(points), low, high, spacing).above(0.0)
 
 
-PARTS: Final[dict[str, Callable[..., Distance]]] = {
+PARTS: dict[str, Callable[..., Distance]] = {
     "ellipsoid": ellipsoid,
     "round_cone": round_cone,
     "tube": tube,
 }
 """Kinds of parts in shapes.yaml, with their arguments there."""
 
-SHAPES: Final = ("dragon", "duck", "kitten", "knot")
+SHAPES = ("dragon", "duck", "kitten", "knot")
 """Names of the built-in surfaces; all but the knot are in shapes.yaml."""
 
 

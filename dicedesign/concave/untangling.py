@@ -9,8 +9,6 @@ back.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from scipy.sparse.linalg import splu
 
@@ -23,10 +21,10 @@ from dicedesign.geometry.surfaces.self_intersections import intersecting_triangl
 from dicedesign.optimize.solvers.descent import edge_laplacian
 from dicedesign.runtime.arrays import Floats, Integers
 
-ROUNDS: Final = 3
+ROUNDS = 3
 """Maximum number of rounds, each of which takes in the triangles that still meet."""
 
-RETURNS: Final = 30
+RETURNS = 30
 """Maximum number of steps that put the center of mass back; about ten suffice."""
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from manifold3d import Manifold
@@ -175,19 +174,19 @@ def measure_thrown(
     return measure
 
 
-LEAST_RADIUS: Final = 1.0
+LEAST_RADIUS = 1.0
 """Least radius of a hollow in mm: printers lose smaller ones."""
 
-WALL: Final = 1.0
+WALL = 1.0
 """Least thickness of the body around the hollow, in mm."""
 
-SEGMENTS: Final = 32
+SEGMENTS = 32
 """Number of segments of the hollow's equator."""
 
-PLACES: Final = 64
+PLACES = 64
 """Number of candidate distances of the hollow from the center; at the largest it is smallest."""
 
-SHIFT: Final = 1e-12
+SHIFT = 1e-12
 """Largest distance of the centers of mass that needs no balance, over the size of the body."""
 
 
@@ -225,14 +224,14 @@ def hollow_out(surface: Surface, center: Floats) -> Surface:
     return join_surfaces(surface, ball.reverse())
 
 
-TURN: Final = math.radians(11.0)
+TURN = math.radians(11.0)
 """Largest angle between neighboring flat strips of a fillet, in radians. It divides no angle of the
 regular solids, so a small change of a shape is a small change of its strips."""
 
-CROWDED: Final = 0.02
+CROWDED = 0.02
 """Least distance between two points, over the radius."""
 
-SAME: Final = 2e-3
+SAME = 2e-3
 """Least distance over the radius between points that prevent additional rests."""
 
 

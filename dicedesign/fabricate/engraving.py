@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final
 
 import numpy as np
 from manifold3d import CrossSection, Error, Manifold, OpType
@@ -37,11 +36,11 @@ from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
-JOINED: Final = 0.02
+JOINED = 0.02
 """Largest share of a raised label that may overlap the border, which moves when facets are moved
 slightly."""
 
-LEAST_SINE: Final = 1e-3
+LEAST_SINE = 1e-3
 """Sine of the largest angle between planes that count as parallel."""
 
 
@@ -255,10 +254,10 @@ def place_on_facets(
     return last, place(last)
 
 
-LEAST_SHARE: Final = 0.65
+LEAST_SHARE = 0.65
 """Least depth of a pocket over that of the deepest, where depths keep the center of mass."""
 
-DEPTH_ROUNDS: Final = 20
+DEPTH_ROUNDS = 20
 """Number of Newton's steps for depths; five are usual."""
 
 
@@ -306,7 +305,7 @@ def require_rests(labels: Sequence[str], main: Integers, what: str) -> None:
         )
 
 
-OFF: Final = 0.1
+OFF = 0.1
 """Least distance of the middle of a label's triangle from the plain surface, over the depth of
 labels. The middle of a wall triangle is a third of the depth away, less on a slope."""
 

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -20,10 +20,10 @@ from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.registry import Extension, Registry
 
-BODY_COLOR: Final = "#e8e3d8"
+BODY_COLOR = "#e8e3d8"
 """Color of a die."""
 
-LABEL_COLOR: Final = "#1f2933"
+LABEL_COLOR = "#1f2933"
 """Color of labels."""
 
 
@@ -130,7 +130,7 @@ def rows(form: str, values: Floats | Integers) -> str:
     return "".join(form.format(*row) for row in values.tolist())
 
 
-STL: Final = FileFormat(
+STL = FileFormat(
     name="stl",
     line="binary STL, which every printing program takes",
     precision="float32",
@@ -138,26 +138,26 @@ STL: Final = FileFormat(
 )
 
 
-PACKAGES: Final = "http://schemas.openxmlformats.org/package/2006"
+PACKAGES = "http://schemas.openxmlformats.org/package/2006"
 """Prefix of the namespaces of the Open Packaging Conventions."""
 
-PRINTING: Final = "http://schemas.microsoft.com/3dmanufacturing"
+PRINTING = "http://schemas.microsoft.com/3dmanufacturing"
 """Prefix of the namespaces of 3MF."""
 
-KNOWN_FACTS: Final = ("Title", "Application", "Description")
+KNOWN_FACTS = ("Title", "Application", "Description")
 """Names of facts that 3MF defines; others are in a namespace of this package."""
 
-MODEL: Final = "3D/3dmodel.model"
+MODEL = "3D/3dmodel.model"
 """Path of the solid in a 3MF file."""
 
-TYPES: Final = (
+TYPES = (
     f'<Types xmlns="{PACKAGES}/content-types">'
     f'<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships'
     '+xml"/><Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-'
     '3dmodel+xml"/></Types>'
 )
 
-RELATIONS: Final = (
+RELATIONS = (
     f'<Relationships xmlns="{PACKAGES}/relationships">'
     f'<Relationship Target="/{MODEL}" Id="solid" Type="{PRINTING}/2013/01/3dmodel"/>'
     "</Relationships>"
@@ -220,7 +220,7 @@ def _escape(text: str) -> str:
     return escape(text, {'"': "&quot;"})
 
 
-THREE_MF: Final = FileFormat(
+THREE_MF = FileFormat(
     name="3mf",
     line="3MF, the printers' own format, with labels in a color of their own",
     carries="name, parts, colors, target, probabilities, recipe, checksum",
@@ -228,7 +228,7 @@ THREE_MF: Final = FileFormat(
 )
 
 
-ROUGHNESS: Final = 0.6
+ROUGHNESS = 0.6
 """Roughness of a die's surface: between a mirror, 0, and chalk, 1."""
 
 
@@ -296,7 +296,7 @@ def _material(name: str, color: str) -> dict[str, Any]:
     return {"name": name, "pbrMetallicRoughness": factors}
 
 
-GLB: Final = FileFormat(
+GLB = FileFormat(
     name="glb",
     line="GLB, which web pages and game engines show",
     unit="m",
@@ -318,7 +318,7 @@ def obj(contents: Contents) -> bytes:
     return text.encode()
 
 
-OBJ: Final = FileFormat(
+OBJ = FileFormat(
     name="obj",
     line="Wavefront OBJ, for every program of three dimensions, all digits as text",
     carries="parts; labels as a group",
@@ -326,7 +326,7 @@ OBJ: Final = FileFormat(
 )
 
 
-FILE_FORMATS: Final = Registry(
+FILE_FORMATS = Registry(
     "file format",
     FileFormat,
     builtin=(STL, THREE_MF, OBJ, GLB),

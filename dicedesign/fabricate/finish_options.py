@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -11,10 +11,10 @@ from dicedesign.errors import InputError, is_finite_number
 from dicedesign.runtime.registry import Options
 from dicedesign.tolerances import MOST_MM
 
-BUNDLED_FONT: Final = "DejaVu Sans Bold"
+BUNDLED_FONT = "DejaVu Sans Bold"
 """Name of the default font of labels. It comes with matplotlib; its digits are equally wide."""
 
-FONT_FILES: Final = (".ttf", ".otf", ".ttc")
+FONT_FILES = (".ttf", ".otf", ".ttc")
 
 Content = Literal["text", "pips"]
 Ambiguous = Literal["bar", "dot", "none"]
@@ -26,7 +26,7 @@ Length = Annotated[float, Field(gt=0.0, le=MOST_MM)]
 LengthOrZero = Annotated[float, Field(ge=0.0, le=MOST_MM)]
 """Lengths in mm; the latter may be 0."""
 
-UPRIGHTS: Final = ("edge", "largest")
+UPRIGHTS = ("edge", "largest")
 
 
 def is_font_file(font: str) -> bool:
@@ -109,14 +109,14 @@ class EngravingOptions(Options):
             object.__setattr__(self, "upright", tuple(map(float, given)))
 
 
-MOST_OF_SIZE: Final = 0.2
+MOST_OF_SIZE = 0.2
 """Largest radius, over the size of the die."""
 
-LEAST_OF_SIZE: Final = 0.01
+LEAST_OF_SIZE = 0.01
 """Smallest radius of a fillet, over the size of the die: the strips of a finer one are as small as
 the rounding errors of files in single precision."""
 
-ROUNDING: Final = 1e-9
+ROUNDING = 1e-9
 """Relative tolerance of a measured size."""
 
 

@@ -13,7 +13,7 @@ import os
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from dicedesign.fabricate.finish_options import BUNDLED_FONT, is_font_file
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import read_file
 
-CHORD_TOLERANCE: Final = 1e-3
+CHORD_TOLERANCE = 1e-3
 """Largest distance between a curve and its polyline, in digit heights."""
 
-MOST_PIECES: Final = 10_000
+MOST_PIECES = 10_000
 """Largest number of segments of the polyline of a curve."""
 
 _Point: TypeAlias = tuple[float, float]
@@ -76,21 +76,21 @@ class PolylinePen:
         return [np.array(points, dtype=np.float64) for points in outlines if len(points) > 2]
 
 
-BUNDLED_FILE: Final = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")
+BUNDLED_FILE = Path("mpl-data", "fonts", "ttf", "DejaVuSans-Bold.ttf")
 """Path of the bundled font in the folder of matplotlib."""
 
-MOST_BYTES: Final = 1 << 26
+MOST_BYTES = 1 << 26
 """Largest size of a font file: 64 MiB."""
 
-OUTLINE_TABLES: Final = ("glyf", "CFF ", "CFF2")
+OUTLINE_TABLES = ("glyf", "CFF ", "CFF2")
 
-UNIT_LETTERS: Final = "1H"
+UNIT_LETTERS = "1H"
 """Letters that may define the digit height; the first one in the font does."""
 
-LEAST_UNIT: Final = 0.1
+LEAST_UNIT = 0.1
 """Least height of that letter, over the em."""
 
-USUAL_UNIT: Final = 0.7
+USUAL_UNIT = 0.7
 """Digit height of a font without such a letter, over the em."""
 
 

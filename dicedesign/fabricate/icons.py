@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final, NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 from manifold3d import CrossSection, FillRule
@@ -22,48 +22,48 @@ from dicedesign.errors import InputError, named
 from dicedesign.fabricate.fonts import CHORD_TOLERANCE, PolylinePen
 from dicedesign.runtime.files import read_file
 
-MOST_BYTES: Final = 1 << 20
+MOST_BYTES = 1 << 20
 """Largest size of an SVG file: 1 MiB."""
 
-MOST_SHAPES: Final = 1000
+MOST_SHAPES = 1000
 
-CORNERS: Final = (10_000, "corners", "simplify the paths")
+CORNERS = (10_000, "corners", "simplify the paths")
 """Largest number of corners of an icon with flattened curves, and the words of its message; the
 time grows with its square."""
 
-MOST_CHARACTERS: Final = 2000
+MOST_CHARACTERS = 2000
 """Largest length of an attribute, or of a number in a path: searches in more take minutes."""
 
-MOST_COORDINATE: Final = 1e6
+MOST_COORDINATE = 1e6
 
-TOO_LARGE: Final = f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture"
+TOO_LARGE = f"coordinates below {MOST_COORDINATE:g}", "others", "scale the picture"
 """Words of a message about coordinates."""
 
-NO_AREA: Final = ("a dark shape with an area", "none", "fill one in black")
+NO_AREA = ("a dark shape with an area", "none", "fill one in black")
 """Words of a message about an icon that shows nothing."""
 
-MOST_DEPTH: Final = 100
+MOST_DEPTH = 100
 """Largest depth of nested groups."""
 
-STROKE_WIDTH: Final = 1000.0
+STROKE_WIDTH = 1000.0
 """Width to which strokes are scaled for Skia, whose tolerance is a quarter."""
 
-DARK: Final = 0.5
+DARK = 0.5
 """Luminance below which a color is cut; lighter shapes cover those beneath."""
 
-LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
+LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Luminance of red, green and blue, ITU-R BT.709."""
 
-SPACE: Final = "{http://www.w3.org/2000/svg}"
+SPACE = "{http://www.w3.org/2000/svg}"
 
-LINK: Final = "{http://www.w3.org/1999/xlink}href"
+LINK = "{http://www.w3.org/1999/xlink}href"
 
-SHAPES: Final = {"path", "rect", "circle", "ellipse", "line", "polygon", "polyline"}
+SHAPES = {"path", "rect", "circle", "ellipse", "line", "polygon", "polyline"}
 
-SILENT: Final = {"title", "desc", "metadata", "defs"}
+SILENT = {"title", "desc", "metadata", "defs"}
 """Elements that are not drawn."""
 
-NEUTRAL: Final = {
+NEUTRAL = {
     "clip-path": "none",
     "mask": "none",
     "filter": "none",
@@ -72,11 +72,9 @@ NEUTRAL: Final = {
 }
 """Properties that change the area of a shape, each with the only allowed value."""
 
-INHERITED: Final = re.compile(r"fill(-.+)?|stroke(-.+)?")
+INHERITED = re.compile(r"fill(-.+)?|stroke(-.+)?")
 
-TRANSFORM: Final = re.compile(
-    r"(\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\([^()]*\)\s*,?)*\s*"
-)
+TRANSFORM = re.compile(r"(\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\([^()]*\)\s*,?)*\s*")
 
 Outline: TypeAlias = tuple[Any, bool, bool]
 """Path of Skia, whether it has the even-odd fill rule, and whether it is dark."""

@@ -7,7 +7,7 @@ Lengths are in millimeters.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
     from dicedesign.fabricate.label_layout import Placement
 
-STEPS: Final = 20
+STEPS = 20
 """Number of infills up to 100 % among which the least one is searched."""
 
-LEAST_MASS: Final = 1e-3
+LEAST_MASS = 1e-3
 """Least mass of a print in that search, over the solid's: the center of mass of hardly any material
 is uncertain."""
 

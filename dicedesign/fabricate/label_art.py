@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from typing import Final
 
 import numpy as np
 from manifold3d import CrossSection, FillRule, JoinType, OpType
@@ -19,10 +18,10 @@ from dicedesign.fabricate.fonts import CHORD_TOLERANCE, open_font
 from dicedesign.fabricate.icons import icon_section
 from dicedesign.runtime.arrays import Floats
 
-LINE_SPACING: Final = 1.45
+LINE_SPACING = 1.45
 """Distance between the baselines of two lines."""
 
-MOST_LINES: Final = 4
+MOST_LINES = 4
 """Largest number of lines of a text."""
 
 
@@ -81,21 +80,21 @@ def text_section(text: str, font: str = BUNDLED_FONT) -> CrossSection:
     return section
 
 
-BAR_GAP: Final = 0.16
+BAR_GAP = 0.16
 """Distance from the baseline down to the bar of an ambiguous label, in digit heights."""
 
-BAR_THICKNESS: Final = 0.16
+BAR_THICKNESS = 0.16
 """Thickness of the bar, in digit heights."""
 
-DOT_GAP: Final = 0.14
+DOT_GAP = 0.14
 """Distance from an ambiguous label to the dot after it, in digit heights."""
 
-DOT_DIAMETER: Final = 0.24
+DOT_DIAMETER = 0.24
 """Diameter of the dot, in digit heights."""
 
-DOT_CORNERS: Final = 32
+DOT_CORNERS = 32
 
-TURNED: Final = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
+TURNED = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
 """Digits that remain digits when turned by 180 degrees."""
 
 
@@ -127,10 +126,10 @@ def add_mark(section: CrossSection, mark: str) -> CrossSection:
     return section
 
 
-FULLNESS: Final = 0.64
+FULLNESS = 0.64
 """Diameter of a pip, over the distance between pips."""
 
-PATTERNS: Final = {
+PATTERNS = {
     1: "... .x. ...",
     2: "..x ... x..",
     3: "..x .x. x..",
@@ -143,7 +142,7 @@ PATTERNS: Final = {
 }
 """Rows of a square grid from the top; each x is a pip."""
 
-ROWS: Final = {
+ROWS = {
     10: "343",
     11: "434",
     12: "444",
@@ -158,7 +157,7 @@ ROWS: Final = {
 }
 """Number of pips in each centered row, from the top, of numbers without a usual pattern."""
 
-MOST_PIPS: Final = max(ROWS)
+MOST_PIPS = max(ROWS)
 
 
 def pip_places(number: int) -> tuple[Floats, float]:
@@ -198,13 +197,13 @@ def pips_section(text: str) -> CrossSection:
     return CrossSection.batch_boolean([disc.translate((x, y)) for x, y in places], OpType.Add)
 
 
-MITER: Final = 2.0
+MITER = 2.0
 """Largest length of a sharp corner, over the distance of the offset."""
 
-CORNERS: Final = 0.1
+CORNERS = 0.1
 """Largest length of a corner outside the discs that cover a stroke, over their diameter."""
 
-HALVINGS: Final = 10
+HALVINGS = 10
 """Number of bisections of the growth of strokes."""
 
 

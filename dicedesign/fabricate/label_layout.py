@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from manifold3d import CrossSection, Manifold
@@ -23,16 +22,16 @@ from dicedesign.geometry.hulls.polygons import inscribed_box
 from dicedesign.geometry.sphere import angle_between, norms, rigid_motion, rotation_between
 from dicedesign.runtime.arrays import Floats, Integers
 
-PEAK: Final = 0.05
+PEAK = 0.05
 """Least height of a top corner above all others, over the die's height."""
 
-RISE: Final = 0.1
+RISE = 0.1
 """Least cosine between a facet's normal and up at which the facet is readable from above."""
 
-TAPER: Final = 0.85
+TAPER = 0.85
 """Longest side of a corner region of a facet, over its base, which is below the label."""
 
-ALL_AROUND: Final = 4
+ALL_AROUND = 4
 """Number of facets and outcomes of a tetrahedron."""
 
 
@@ -75,7 +74,7 @@ class Reading:
         return SENTENCES[self.way]
 
 
-SENTENCES: Final = {
+SENTENCES = {
     "down": "Lift the die and read the label on the face that was on the table.",
     "up": "Read the label on top.",
     "both": "Read the label on top; the face on the table has this label too.",
@@ -235,11 +234,11 @@ def _top_corner(hull: ConvexHull, facet: int) -> int:
     return top if (hull.normals[around] @ up >= RISE).all() else -1
 
 
-WALL: Final = 0.5
+WALL = 0.5
 """Distance along the facet between a pocket and the plane that bisects the angle at an edge, over
 the least margin; the wall to a pocket beyond the edge is twice as thick."""
 
-SHARPEST: Final = 1e-12
+SHARPEST = 1e-12
 """Lower bound of one plus the cosine between the normals of two facets."""
 
 
@@ -267,17 +266,17 @@ def wall_distances(cosines: Floats, depth: float, least: float) -> Floats:
     return np.maximum(least, depth * tangents + WALL * least)
 
 
-CENTERING: Final = 0.12
+CENTERING = 0.12
 """Share of the largest height given up to center a label on its facet."""
 
-STEEPEST: Final = 1e-3
+STEEPEST = 1e-3
 """Least sine between a facet's normal and the upright direction at which the direction applies to
 the facet."""
 
-LONGER: Final = 1e-6
+LONGER = 1e-6
 """Relative tolerance of heights and lengths of edges."""
 
-MOST_ROUNDS: Final = 20
+MOST_ROUNDS = 20
 """Largest number of rounds that fit the height of a label and the growth of its strokes; three are
 usual."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from manifold3d import Manifold
@@ -26,25 +25,25 @@ from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ENGRAVED_VOLUME_TOLERANCE
 
-STEEPEST: Final = 1.0
+STEEPEST = 1.0
 """Largest slope of the surface beneath a mark, as rise over run."""
 
-FLOOR: Final = 2.0
+FLOOR = 2.0
 """Least thickness of the body beneath a mark before it is cut, over the depth of the mark."""
 
-SAMPLES: Final = 160
+SAMPLES = 160
 """Number of nodes of a relief along the larger of its extents."""
 
-SHRINKING: Final = 0.85
+SHRINKING = 0.85
 """Ratio of consecutive digit heights of the search."""
 
-SMALLEST: Final = 3.0
+SMALLEST = 3.0
 """Smallest digit height of the search, in spacings of the relief."""
 
-EVENNESS: Final = 2.0
+EVENNESS = 2.0
 """Digit height that a mark gives up for a flatter place, per height difference beneath it."""
 
-PLACES: Final = 3
+PLACES = 3
 """Number of candidate places of a digit height: one may have a flaw between nodes of the relief."""
 
 

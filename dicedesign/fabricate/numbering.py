@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Final
 
 import numpy as np
 
@@ -18,23 +17,23 @@ from dicedesign.geometry.sphere import angle_between
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import EQUAL_PROBABILITIES, LEVEL_ANGLE
 
-NUMBER: Final = re.compile(r"[+-]?\d+([.]\d*)?")
+NUMBER = re.compile(r"[+-]?\d+([.]\d*)?")
 """Labels that count as numbers."""
 
-TRIES: Final = 300
+TRIES = 300
 """Largest number of orders that the search starts from."""
 
-MOST_SUMS: Final = 100_000_000
+MOST_SUMS = 100_000_000
 """Approximate number of sums after which the search takes no further start."""
 
-MOST_SWAPS: Final = 2000
+MOST_SWAPS = 2000
 """Largest number of swaps compared in one step."""
 
-FINEST: Final = 1e-3
+FINEST = 1e-3
 """Largest difference between equal deviations, over the least gap between numbers; deviations of
 whole numbers on k places differ by 1 / k or more."""
 
-WEIGHT: Final = 1e8
+WEIGHT = 1e8
 """Weight of the largest deviation beside the sum of all: more than any sum over `FINEST`."""
 
 

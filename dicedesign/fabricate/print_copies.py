@@ -15,7 +15,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
-from typing import Final
 
 import numpy as np
 from scipy.optimize import brentq
@@ -41,16 +40,16 @@ from dicedesign.throws.momentum_model import MomentumMixture
 from dicedesign.throws.momentum_probabilities import thrown_probabilities
 from dicedesign.tolerances import COPLANAR_TOLERANCE_FLOAT32
 
-COPIES: Final = 64
+COPIES = 64
 """Number of copies: their mean is known to an eighth of their spread."""
 
-WAVES: Final = 256
+WAVES = 256
 """Number of plane waves whose sum is a smooth error of a surface."""
 
-REACH: Final = 6.0
+REACH = 6.0
 """Depth below the hull from which points may come to lie on it, in standard deviations."""
 
-OTHERS: Final = 7
+OTHERS = 7
 """Random numbers of a copy besides those of its shape: three lengths, the drift of the density, and
 the place of a bubble."""
 
@@ -121,7 +120,7 @@ class Draws:
         )
 
 
-SINGULAR: Final = 1e-9
+SINGULAR = 1e-9
 """Variance that a facet does not share with the nearest ones, over its whole variance."""
 
 
@@ -258,23 +257,23 @@ class PrintedCopies:
         return np.asarray(self.draws.places[near] + offsets[:, None] * self.draws.outward[near])
 
 
-ROLLS: Final = 1000
+ROLLS = 1000
 """Number of rolls of the test."""
 
-NOTICED: Final = 0.1
+NOTICED = 0.1
 """Largest share of prints that the test may notice: twice the share for perfect dice."""
 
-FINEST_OFFSET: Final = 1.0 / 512.0
+FINEST_OFFSET = 1.0 / 512.0
 """Least offset that is tried for the allowed one, over the die's size; twice as much and so on up
 to `MAX_OFFSET` are next."""
 
-MAX_OFFSET: Final = 1.0 / 8.0
+MAX_OFFSET = 1.0 / 8.0
 """Largest offset of interest, over the die's size."""
 
-CLOSENESS: Final = 0.01
+CLOSENESS = 0.01
 """Relative error of the allowed offset, less than that of the copies."""
 
-ALONE: Final = ("dimensional_mm", "shrinkage", "density_gradient", "bubble_mm3")
+ALONE = ("dimensional_mm", "shrinkage", "density_gradient", "bubble_mm3")
 """Errors of copies, each also without the others."""
 
 

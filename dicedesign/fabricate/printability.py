@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, compress
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -44,31 +44,31 @@ if TYPE_CHECKING:
 
     from dicedesign.fabricate.label_layout import Placement
 
-ON_BED: Final = 1e-3
+ON_BED = 1e-3
 """Height in mm up to which a triangle touches the bed: less than a hundredth of a layer."""
 
-LOW: Final = 2.0
+LOW = 2.0
 """Number of layers above the bed that need no supports: the feet of rounded edges."""
 
-LEVEL: Final = 1e-6
+LEVEL = 1e-6
 """Tolerance of cosines of angles."""
 
-ALMOST_DEG: Final = 0.5
+ALMOST_DEG = 0.5
 """Tolerance of a printer's angle limit: facets designed at 45 degrees are slightly off after they
 were moved."""
 
-FOOTING: Final = 0.2
+FOOTING = 0.2
 """Least diameter of the largest circle in a facet, over the height of the die on it, for the die to
 hold to the bed: a rule of thumb."""
 
-SURFACE: Final = 1e-3
+SURFACE = 1e-3
 """Least depth in mm below the hull of the plain die at which a triangle belongs to a pocket."""
 
-THIN: Final = 1e-4
+THIN = 1e-4
 """Width in mm below which a triangle is a line to any printer. Single precision may fold it onto
 its neighbors, so its intersections are not counted."""
 
-MOST_LARGER: Final = 3.0
+MOST_LARGER = 3.0
 """Largest factor of the size that a warning about thin parts recommends."""
 
 
@@ -172,32 +172,32 @@ def placement_on_bed(points: Floats, down: Floats) -> Floats:
     return rigid_motion(turn, [x, y, -low[2]])
 
 
-PARALLEL_COSINE: Final = math.cos(math.radians(15.0))
+PARALLEL_COSINE = math.cos(math.radians(15.0))
 """Cosine of the largest angle between the two sides of a stroke; wider ones are a corner."""
 
-SAMPLES: Final = 24
+SAMPLES = 24
 """Least number of samples along the extent of a label; every edge of its outline has one."""
 
-NEAR: Final = 1e-9
+NEAR = 1e-9
 """Distance from its origin at which a ray begins, over the extent."""
 
-BENEATH: Final = -1e-2
+BENEATH = -1e-2
 """Cosine between the normals of two facets below which one is beneath the other."""
 
-OPPOSITE: Final = math.cos(math.radians(45.0))
+OPPOSITE = math.cos(math.radians(45.0))
 """Cosine of the largest angle between the normal of one side of a wall and the opposite of the
 other's; material between other sides is an edge, which is not weak."""
 
-FINENESS: Final = 0.25
+FINENESS = 0.25
 """Distance between samples, over the least thickness of a wall."""
 
-MOST_SAMPLES: Final = 200_000
+MOST_SAMPLES = 200_000
 
-SPOT: Final = 8
+SPOT = 8
 """Number of samples, half a wall's square, whose median is the thickness of a place: every edge is
 thin where it ends. Thin parts of fewer samples are not reported."""
 
-SEED: Final = 20
+SEED = 20
 
 
 def least_details(

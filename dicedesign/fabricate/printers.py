@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Annotated, Final
+from typing import Annotated
 
 from pydantic import Field
 
@@ -13,7 +13,7 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.registry import Extension, Options, Registry
 from dicedesign.tolerances import MOST_MM
 
-_SLICER: Final = "Prusa Research, filament profiles of PrusaSlicer 2.5, 2022"
+_SLICER = "Prusa Research, filament profiles of PrusaSlicer 2.5, 2022"
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Material:
     source: str
 
 
-MATERIALS: Final = MappingProxyType(
+MATERIALS = MappingProxyType(
     {
         "pla": Material("PLA", 1.24, _SLICER),
         "petg": Material("PETG", 1.27, _SLICER),
@@ -46,7 +46,7 @@ MATERIALS: Final = MappingProxyType(
 """All materials by name."""
 
 
-STANDARD_NOZZLE: Final = 0.4
+STANDARD_NOZZLE = 0.4
 """Diameter in mm of the nozzle for which printers' limits are given."""
 
 
@@ -100,7 +100,7 @@ class Printer(Extension):
         return replace(self, **{name: ratio * getattr(self, name) for name in names})
 
 
-FDM: Final = Printer(
+FDM = Printer(
     name="fdm",
     line="filament through a nozzle of 0.4 mm",
     spot_mm=0.4,
@@ -128,7 +128,7 @@ FDM: Final = Printer(
 )
 
 
-SLA: Final = Printer(
+SLA = Printer(
     name="sla",
     line="resin, cured by a laser or a screen of pixels of 0.05 mm",
     spot_mm=0.05,
@@ -158,7 +158,7 @@ SLA: Final = Printer(
 )
 
 
-SLS: Final = Printer(
+SLS = Printer(
     name="sls",
     line="nylon powder, sintered by a laser; needs no supports",
     spot_mm=0.2,
@@ -184,7 +184,7 @@ SLS: Final = Printer(
     ),
 )
 
-PRINTERS: Final = Registry(
+PRINTERS = Registry(
     "printer",
     Printer,
     builtin=(FDM, SLA, SLS),
@@ -228,7 +228,7 @@ class PrintErrors(Options):
     """Length over which the offsets of a curved surface are alike; above 0, below 1000."""
 
 
-THINNEST: Final = 0.05
+THINNEST = 0.05
 """Least thickness of walls in mm, below any printer's."""
 
 

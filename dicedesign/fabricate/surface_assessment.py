@@ -4,7 +4,6 @@ file: quality, displacement, flaws and remedies."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Final
 
 import numpy as np
 from manifold3d import Error
@@ -34,7 +33,7 @@ from dicedesign.tolerances import (
     SAME_REST_ANGLE,
 )
 
-RELAXED: Final = {
+RELAXED = {
     Status.OFF_TARGET: "tolerance",
     Status.STRAY: "tolerance",
     Status.TOO_NEAR: "apart_deg",

@@ -11,46 +11,45 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats
 
-HIGHEST_ORDER: Final = 12
+HIGHEST_ORDER = 12
 """Largest n of the main axis in Cn, Cnv, Cnh, Dn, Dnh and Dnd; S2n goes up to twice that."""
 
-SAME_POLE: Final = 0.999
+SAME_POLE = 0.999
 """Cosine of an angle between directions above which they are one pole; poles are at least 15
 degrees apart."""
 
-KNOWN_GROUPS: Final = (
+KNOWN_GROUPS = (
     f"C1, Cs, Ci, Cn, Cnv, Cnh, Dn, Dnh, Dnd with n from 2 to {HIGHEST_ORDER}, S4, S6, ... "
     f"S{2 * HIGHEST_ORDER}, T, Td, Th, O, Oh, I, Ih"
 )
 """The names that `point_group` knows, in words."""
 
-INVERSION: Final = np.diag([-1.0, -1.0, -1.0])
+INVERSION = np.diag([-1.0, -1.0, -1.0])
 
-MIRROR_Y: Final = np.diag([1.0, -1.0, 1.0])
+MIRROR_Y = np.diag([1.0, -1.0, 1.0])
 
-MIRROR_Z: Final = np.diag([1.0, 1.0, -1.0])
+MIRROR_Z = np.diag([1.0, 1.0, -1.0])
 
-HALF_TURN_X: Final = np.diag([1.0, -1.0, -1.0])
+HALF_TURN_X = np.diag([1.0, -1.0, -1.0])
 
-HALF_TURN_Z: Final = np.diag([-1.0, -1.0, 1.0])
+HALF_TURN_Z = np.diag([-1.0, -1.0, 1.0])
 
-MIRROR_DIAGONAL: Final = np.eye(3)[[1, 0, 2]]
+MIRROR_DIAGONAL = np.eye(3)[[1, 0, 2]]
 
-QUARTER_TURN_Z: Final = MIRROR_Y[[1, 0, 2]]
+QUARTER_TURN_Z = MIRROR_Y[[1, 0, 2]]
 
-CYCLIC_XYZ: Final = np.eye(3)[[2, 0, 1]]
+CYCLIC_XYZ = np.eye(3)[[2, 0, 1]]
 """The third of a turn about (1, 1, 1), which takes x to y, y to z and z to x."""
 
-GOLDEN: Final = (1.0 + np.sqrt(5.0)) / 2.0
+GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 
-FIFTH_TURN: Final = (
+FIFTH_TURN = (
     np.array(
         [(GOLDEN - 1.0, -GOLDEN, 1.0), (GOLDEN, 1.0, GOLDEN - 1.0), (-1.0, GOLDEN - 1.0, GOLDEN)]
     )
@@ -58,7 +57,7 @@ FIFTH_TURN: Final = (
 )
 """The fifth of a turn about (0, 1, `GOLDEN`)."""
 
-OTHERS: Final = {
+OTHERS = {
     "C1": (),
     "Cs": (MIRROR_Z,),
     "Ci": (INVERSION,),

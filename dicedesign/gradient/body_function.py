@@ -11,7 +11,7 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 import torch
@@ -28,7 +28,7 @@ AtOnce = Callable[..., tuple[Floats, ...] | None]
 """Function from numbers of bodies (r,) and inputs (r, ...) to outputs (r, ...), or None to use the
 formula."""
 
-ONLY: Final = torch.zeros((), dtype=torch.int64)
+ONLY = torch.zeros((), dtype=torch.int64)
 """Number of a single body."""
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final
 
 import numpy as np
 import torch
@@ -89,7 +88,7 @@ def _corner_moves(hull: ConvexHull, normals: Tensor) -> Tensor:
     return (inverse[tails] @ own[:, :, None])[:, :, 0]
 
 
-SOFTNESS: Final = 12.0
+SOFTNESS = 12.0
 """Power of the means that approximate a least or a largest value."""
 
 
@@ -150,19 +149,19 @@ class FacetEdges:
         return unit * mean ** (1.0 / power)
 
 
-MOST_TRIPLED: Final = 24
+MOST_TRIPLED = 24
 """Largest number of edges of a facet for which all triples of edges are tried."""
 
-SLIDING: Final = 1e-9
+SLIDING = 1e-9
 """Largest multiplier, and largest sine of an angle, for which two edges count as parallel."""
 
-CENTERED: Final = 1e-9
+CENTERED = 1e-9
 """Tolerance on the center of a soft circle, over its radius."""
 
-FREE: Final = 1e-12
+FREE = 1e-12
 """Part of the stiffness across a facet that is added in all directions."""
 
-CENTERING_STEPS: Final = 50
+CENTERING_STEPS = 50
 """Limit on the Newton steps to the center of a soft circle."""
 
 

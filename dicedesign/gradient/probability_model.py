@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -132,7 +132,7 @@ class ThrowProbabilities:
         return torch.as_tensor(self.mixture.weights) @ torch.stack(thrown)
 
 
-RESTING: Final = ThrowProbabilities(None)
+RESTING = ThrowProbabilities(None)
 """Model of bodies that are let go without momentum, with uniform start orientations."""
 
 

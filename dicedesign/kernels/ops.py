@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, Final, Literal, ParamSpec, Protocol, TypeVar
+from typing import Any, Literal, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 import dicedesign.tolerances as bounds
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-INTERFACE: Final = 9
+INTERFACE = 9
 """Version of the kernels' arguments and results; kernels of another version are not used."""
 
-UNDECIDED: Final = None
+UNDECIDED = None
 """Result of functions here if there are no kernels, or if these leave the answer open."""
 
 P = ParamSpec("P")
@@ -40,16 +40,16 @@ try:
 except ModuleNotFoundError:
     compiled = None
 
-_MEASURED: Final = (bounds.SLIVER, bounds.THIN_VOLUME, bounds.ROUNDING)
+_MEASURED = (bounds.SLIVER, bounds.THIN_VOLUME, bounds.ROUNDING)
 
-_RESTING: Final = (
+_RESTING = (
     bounds.BOUNDARY_TOLERANCE,
     bounds.TIE_TOLERANCE,
     bounds.NEAR_ANTIPODE,
     bounds.CLOSURE_TOLERANCE,
 )
 
-_REUSED: Final = (
+_REUSED = (
     bounds.REUSE_FLATNESS,
     bounds.REUSE_MARGIN,
     bounds.REUSE_LEVERAGE,

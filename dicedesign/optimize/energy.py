@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 import torch
@@ -41,7 +40,7 @@ def _tensor(term: Term, weight: float, state: ClusteredRests, weights: EnergyWei
     return weight * value
 
 
-COMPILED: Final = ("dice", "coplanar", "barycenter", "neighbor")
+COMPILED = ("dice", "coplanar", "barycenter", "neighbor")
 """Terms that the kernels evaluate together, in the order of the kernels."""
 
 
@@ -140,7 +139,7 @@ class Energy:
         )
 
 
-SHAKE: Final = 1e-6
+SHAKE = 1e-6
 """Least standard deviation of the noise on a start that balances exactly, as its basins are
 undefined."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import torch
@@ -17,23 +16,23 @@ from dicedesign.optimize.preferences import OFF
 from dicedesign.rest.poses import analyze
 from dicedesign.runtime.arrays import Floats
 
-ROUND: Final = 0.75
+ROUND = 0.75
 """Isoperimetric quotient from which a die is compact; a regular dodecahedron's."""
 
-THICK: Final = 0.75
+THICK = 0.75
 """Thickness over the largest diameter from which a die is no needle or plate."""
 
-LARGE_CIRCLE: Final = 0.4
+LARGE_CIRCLE = 0.4
 """Radius of the circle in the smallest face over the largest diameter, times the root of the number
 of faces, from which labels are large. Circles that divided a sphere equally would have 0.5."""
 
-BLANK: Final = 2.0
+BLANK = 2.0
 """Area of the largest blank facet over the smallest labeled face at which a die counts half."""
 
-FIRM: Final = math.radians(20.0)
+FIRM = math.radians(20.0)
 """Angle to tip a face from which a die is firm."""
 
-PRINTED: Final = 0.02
+PRINTED = 0.02
 """Root of the chi-square per roll that such prints show, at which a die counts half."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -17,23 +17,23 @@ from dicedesign.runtime.registry import Options
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import hand_named, with_hand
 
-LARGEST_SMOOTHING: Final = 1e6
+LARGEST_SMOOTHING = 1e6
 """Limit on lambda: beyond it the operator averages the whole surface, and its matrix is singular to
 rounding."""
 
-FINEST_TOLERANCE: Final = 1e-15
+FINEST_TOLERANCE = 1e-15
 """Limit on tolerances, as rounding leaves errors of a few 1e-16."""
 
 Tolerance = Annotated[float, Field(ge=FINEST_TOLERANCE, lt=1.0)]
 
 Positive = Annotated[float, Field(gt=0.0)]
 
-MOST_WORK: Final = 250_000
+MOST_WORK = 250_000
 """Default limit on the evaluations of dice in a design by the exact method, times outcomes."""
 
-MOST_DROPS: Final = 10_000_000
+MOST_DROPS = 10_000_000
 
-MOST_ROUNDS: Final = 50
+MOST_ROUNDS = 50
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class ExactOptions(Options):
         return with_hand(self.table, self.hand)
 
 
-SOLID_ANGLE: Final = (4.0 * np.pi) ** 2
+SOLID_ANGLE = (4.0 * np.pi) ** 2
 """Ratio of the dice energy in solid angles, the unit of published weights, to the dice energy in
 probabilities (eq. 12)."""
 

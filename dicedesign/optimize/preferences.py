@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -49,11 +49,11 @@ class Preference(Extension):
     residuals: Callable[[OutcomeFacets], Tensor]
 
 
-CIRCLE_POWER: Final = 4.0
+CIRCLE_POWER = 4.0
 """Power of the inverse radius in a circle's residual: the larger, the more the smallest circle
 counts."""
 
-USUAL_CIRCLE: Final = 0.5
+USUAL_CIRCLE = 0.5
 """Radius of an ordinary circle, over the diameter, times the root of the number of outcomes: the
 radius of caps that divide a sphere equally."""
 
@@ -68,7 +68,7 @@ def circle_residuals(die: OutcomeFacets) -> Tensor:
     return inverse**CIRCLE_POWER * mean ** (0.5 / CIRCLE_POWER - 0.5) / np.sqrt(count)
 
 
-USUAL_OFFSET: Final = 0.1
+USUAL_OFFSET = 0.1
 """Root mean square distance of ordinary normals from the barycenters of their basins."""
 
 
@@ -88,7 +88,7 @@ def margin_residuals(die: OutcomeFacets) -> Tensor:
     return offsets.reshape(-1) / (USUAL_OFFSET * np.sqrt(len(die.facets)))
 
 
-USUAL_INEQUALITY: Final = 0.4
+USUAL_INEQUALITY = 0.4
 """Root of the weighted sum of squared relative differences of angles of ordinary saddles."""
 
 
@@ -107,7 +107,7 @@ def asymmetry_residuals(die: OutcomeFacets) -> Tensor:
     return torch.sqrt(weights) * unequal / USUAL_INEQUALITY
 
 
-USUAL_SPREAD: Final = 0.2
+USUAL_SPREAD = 0.2
 """Relative standard deviation of ordinary distances from the center of mass."""
 
 
@@ -128,7 +128,7 @@ def roundness_residuals(die: OutcomeFacets) -> Tensor:
     )
 
 
-USUAL_RATIO: Final = 0.7
+USUAL_RATIO = 0.7
 """Standard deviation of the logarithms of ordinary areas."""
 
 
@@ -138,7 +138,7 @@ def area_residuals(die: OutcomeFacets) -> Tensor:
     return (logarithms - logarithms.mean()) / (USUAL_RATIO * np.sqrt(len(die.facets)))
 
 
-USUAL_HELPERS: Final = 0.2
+USUAL_HELPERS = 0.2
 """Part of the surface of an ordinary die without outcomes."""
 
 
@@ -148,10 +148,10 @@ def helper_residuals(die: OutcomeFacets) -> Tensor:
     return (1.0 - areas[die.facets].sum() / areas.sum())[None] / USUAL_HELPERS
 
 
-OFF: Final = 1.0 / 300.0
+OFF = 1.0 / 300.0
 """Offset of facets over the diameter: 0.1 mm of an ordinary die."""
 
-USUAL_SLOPE: Final = 2.0
+USUAL_SLOPE = 2.0
 """Root of the summed squared derivatives of an ordinary die's probabilities in the offsets of its
 facets, times the diameter."""
 
@@ -168,7 +168,7 @@ def tolerance_residuals(die: OutcomeFacets) -> Tensor:
     return secants.norm(dim=0) * diameter / USUAL_SLOPE
 
 
-PREFERENCES: Final = Registry(
+PREFERENCES = Registry(
     "preference",
     Preference,
     builtin=(
@@ -212,7 +212,7 @@ PREFERENCES: Final = Registry(
     group="dicedesign.preferences",
 )
 
-LARGEST_WEIGHT: Final = 1e6
+LARGEST_WEIGHT = 1e6
 """Limit on weights, beyond which the other terms are lost in rounding."""
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb, isfinite
-from typing import Final
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
-MOST_FACES: Final = 200
+MOST_FACES = 200
 """Limit on the labeled faces: a die with more cannot be printed and read."""
 
 

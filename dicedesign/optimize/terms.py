@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -54,10 +54,10 @@ class Term(Extension):
     options: tuple[TermOption, ...] = ()
 
 
-LARGEST_SQUARED_DISTANCE: Final = 4.0
+LARGEST_SQUARED_DISTANCE = 4.0
 """Largest squared distance of two unit vectors: the cost of a cluster without a rest."""
 
-SMALLEST_MEAN: Final = 1e-3
+SMALLEST_MEAN = 1e-3
 """Least length of the sum of a region's maxima that is normalized: maxima that cancel have no mean
 direction, and the gradient is unbounded near that."""
 
@@ -122,7 +122,7 @@ def neighbor_energy(state: ClusteredRests, weights: EnergyWeights) -> Tensor:
     return (offset**2).sum() + alone * radius**2
 
 
-CLOSEST: Final = 1e-6
+CLOSEST = 1e-6
 """Squared distance of two directions below which the energy is constant, so that it is finite."""
 
 
@@ -178,7 +178,7 @@ def _near_means(
     return means, lengths, first, second
 
 
-LINEAR_FROM: Final = 2.0
+LINEAR_FROM = 2.0
 """Lack of depth, in units of the margin, from which the hold energy grows linearly."""
 
 
@@ -231,7 +231,7 @@ def _margin(name: str, default: float) -> TermOption:
     )
 
 
-TERMS: Final = Registry(
+TERMS = Registry(
     "energy term",
     Term,
     builtin=(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import asdict, replace
-from typing import Final
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
 from dicedesign.tolerances import SAME_REST_ANGLE
 
-STOP_OPTIONS: Final = ("displacement", "attempts", "enough", "seconds")
+STOP_OPTIONS = ("displacement", "attempts", "enough", "seconds")
 """Options that end a search, without changing its path."""
 
 

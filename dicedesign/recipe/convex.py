@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,10 +33,10 @@ from dicedesign.runtime.workers import one_tensor_thread
 if TYPE_CHECKING:
     from dicedesign.results.parts import RoundOfThrows
 
-MAX_SEARCH_TURNS: Final = 40
+MAX_SEARCH_TURNS = 40
 """Turns of the search for starting shapes with a symmetry."""
 
-MAX_SYMMETRIC_STARTS: Final = 4
+MAX_SYMMETRIC_STARTS = 4
 """Starting shapes with a symmetry from which a design is tried."""
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -39,23 +38,23 @@ from dicedesign.results.result import Balance, Inside
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import FILE_PROBABILITIES
 
-MAX_ERROR: Final = 1e-9
+MAX_ERROR = 1e-9
 """Largest |p - q| after moving facets."""
 
-MAX_THROWN_ERROR: Final = 1e-3
+MAX_THROWN_ERROR = 1e-3
 """Largest |p - q| by a momentum model, whose kinks can stop the facets; its own error is ten times
 larger."""
 
-MIN_RELATIVE_MOVE: Final = 1e-9
+MIN_RELATIVE_MOVE = 1e-9
 """Distance over die size below which facets count as unmoved."""
 
-MAX_STRETCHED_OUTCOMES: Final = 6
+MAX_STRETCHED_OUTCOMES = 6
 """Number of outcomes whose probabilities a stretch can meet exactly."""
 
-NOTED_CHANGE: Final = 0.05
+NOTED_CHANGE = 0.05
 """Relative change of a probability by labels and edges that gets a note."""
 
-RARE_SHARE: Final = 1e-3
+RARE_SHARE = 1e-3
 """Share of its target below which a probability's change is relative to the target."""
 
 

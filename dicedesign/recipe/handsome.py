@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import count, islice
-from typing import Final
 
 from dicedesign.errors import EngravingError, NoStartError
 from dicedesign.fabricate.die import Design
@@ -28,33 +27,33 @@ from dicedesign.recipe.pipeline import Callbacks, Work
 from dicedesign.recipe.solid import place_at_size
 from dicedesign.results.parts import Status
 
-GROUPS: Final = 4
+GROUPS = 4
 """Point groups that are tried, the most helpful first."""
 
-SHAPES: Final = (9, 2)
+SHAPES = (9, 2)
 """Shapes without symmetry, and of each group, that have the probabilities."""
 
-MANY_FACES: Final = 20
+MANY_FACES = 20
 """Number of faces above which there are fewer groups and shapes, as each takes longer."""
 
-TURNS: Final = 2
+TURNS = 2
 """Turns of the search for each of them, at most."""
 
-IMPROVED: Final = 2
+IMPROVED = 2
 """Shapes that are improved by preferences."""
 
-SAME_LOOKS: Final = 3
+SAME_LOOKS = 3
 """Decimal digits of the logarithm of the measure, to which equal shapes count as one."""
 
-MOST_SYMMETRIC: Final = 40
+MOST_SYMMETRIC = 40
 """Most faces of dice with symmetry. Many planes that meet in one corner part when facets are moved
 to correct for labels; with rounded edges those of few faces do too."""
 
-SYMMETRIC: Final = 1.05
+SYMMETRIC = 1.05
 """Factor on the measure of a die with a symmetry, which makes equal probabilities equal on every
 table."""
 
-MOST_DICE: Final = 1500
+MOST_DICE = 1500
 """Dice that may be tried before no further shape is begun."""
 
 

@@ -12,7 +12,7 @@ from decimal import ROUND_CEILING, Context
 from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from dicedesign.errors import InputError
 from dicedesign.optimize.targets import Target
@@ -263,13 +263,13 @@ class Stage(Extension):
     after: str | None = None
 
 
-INVISIBLE: Final = 1e-8
+INVISIBLE = 1e-8
 """Largest |p - q| below which the verdict gives no digits: a millionth of a percentage point."""
 
-NEARLY: Final = 1e-3
+NEARLY = 1e-3
 """Largest |p - q| at which the verdict says "has your probabilities", not "nearly has"."""
 
-METHODS: Final = {
+METHODS = {
     "exact": "dicedesign.recipe.convex:design_exact",
     "handsome": "dicedesign.recipe.handsome:design_handsome",
     "thrown": "dicedesign.recipe.thrown:design_for_table",
@@ -296,7 +296,7 @@ def _run_method(work: Work) -> None:
         work.die = _load_method(work)(work)
 
 
-STAGES: Final[Registry[Stage]] = Registry(
+STAGES: Registry[Stage] = Registry(
     "stage",
     Stage,
     (

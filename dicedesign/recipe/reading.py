@@ -12,7 +12,7 @@ import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import yaml
@@ -25,13 +25,13 @@ from dicedesign.recipe.target import read_shorthand
 from dicedesign.runtime.files import read_text
 from dicedesign.runtime.registry import explain, key_of
 
-MAX_DEPTH: Final = 30
+MAX_DEPTH = 30
 """Levels of nested entries in a recipe."""
 
-MAX_ENTRIES: Final = 10_000
+MAX_ENTRIES = 10_000
 """Entries in a recipe."""
 
-VALUE_ERRORS: Final = (TypeError, ValueError, LookupError, AttributeError, RecursionError)
+VALUE_ERRORS = (TypeError, ValueError, LookupError, AttributeError, RecursionError)
 """Errors of PyYAML, besides its own, for values that do not match their tag, such as 2024-13-45 or
 !!int x, and for infinite nesting."""
 
@@ -208,7 +208,7 @@ def _explain(error: ValidationError) -> str:
     return explain(first)
 
 
-UNKNOWN: Final = ("extra_forbidden", "unexpected_keyword_argument")
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def _hint(key: str) -> str:
@@ -243,7 +243,7 @@ def _key_paths(
         yield from _key_paths(part, definitions, f"{parent}{name}.")
 
 
-MAX_DENOMINATOR: Final = 10_000
+MAX_DENOMINATOR = 10_000
 """Denominator up to which a probability is written as a fraction."""
 
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, Final, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import (
     AfterValidator,
@@ -33,13 +33,13 @@ from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import LEAST_MM, MOST_MM
 
-NAME: Final = r"^[A-Za-z0-9]([A-Za-z0-9_. -]{0,98}[A-Za-z0-9_.-])?$"
+NAME = r"^[A-Za-z0-9]([A-Za-z0-9_. -]{0,98}[A-Za-z0-9_.-])?$"
 """Pattern of the name of a die and its results folder."""
 
-AUTO: Final = "auto"
+AUTO = "auto"
 """Value of `symmetry` that is resolved during the run."""
 
-MIN_RELATIVE_DEPTH: Final = 1e-6
+MIN_RELATIVE_DEPTH = 1e-6
 """Minimum label depth over die size; STL files round coordinates to about a tenth of it."""
 
 
@@ -97,7 +97,7 @@ def _start_keys(kinds: tuple[StartKind, ...]) -> type[Strict]:
     return create_model("StartKeys", __base__=Strict, **keys)
 
 
-METHODS: Final = ("exact", "paper", "concave")
+METHODS = ("exact", "paper", "concave")
 """Keys of `method`."""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -131,10 +131,10 @@ def check_orbits(recipe: Recipe, directions: np.ndarray) -> None:
             )
 
 
-LARGE_MM: Final = 100.0
+LARGE_MM = 100.0
 """Size above which a note suggests a smaller die."""
 
-RARE_PROBABILITY: Final = 1e-5
+RARE_PROBABILITY = 1e-5
 """Probability below which outcomes often lose their facet."""
 
 
@@ -161,10 +161,10 @@ def assign_numbers(work: Work) -> None:
     work.notes.append(note)
 
 
-MOST_LARGER: Final = 1.5
+MOST_LARGER = 1.5
 """Factor up to which a die is enlarged for the details of its labels."""
 
-WIDER: Final = 1.25
+WIDER = 1.25
 """Margin of labels, over the printer's wall, where one that is as wide leaves a thinner wall."""
 
 

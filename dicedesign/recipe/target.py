@@ -7,7 +7,7 @@ import re
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
 
@@ -23,7 +23,7 @@ from dicedesign.optimize.targets import (
     sum_of_dice,
 )
 
-MAX_LABEL: Final = 24
+MAX_LABEL = 24
 """Characters of a label."""
 
 
@@ -68,10 +68,10 @@ Label = Annotated[str, BeforeValidator(_parse_label)]
 Probability = Annotated[float, BeforeValidator(_parse_fraction)]
 
 
-DICE: Final = re.compile(r"(\d{0,3})d(\d{1,4}|F)", re.IGNORECASE)
+DICE = re.compile(r"(\d{0,3})d(\d{1,4}|F)", re.IGNORECASE)
 """A number of dice and their sides; F for Fate dice, which show -1, 0 or 1."""
 
-WEIGHTS: Final = re.compile(r"\s*[\d.]+(\s*:\s*[\d.]+)+\s*")
+WEIGHTS = re.compile(r"\s*[\d.]+(\s*:\s*[\d.]+)+\s*")
 
 
 def read_shorthand(text: str) -> dict[str, Any] | None:
@@ -142,7 +142,7 @@ def _join_outcomes(outcomes: list[OutcomeRecipe]) -> Target:
     )
 
 
-TARGETS: Final = {
+TARGETS = {
     "binomial": binomial,
     "sum_of_dice": sum_of_dice,
     "fair": fair,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import islice
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -35,13 +35,13 @@ from dicedesign.throws.momentum_model import momentum_model, table_measures
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
 from dicedesign.throws.tables import mixture_tables
 
-VERDICT_ROUND: Final = MOST_ROUNDS + 1
+VERDICT_ROUND = MOST_ROUNDS + 1
 """Number of the round of throws of the finished die, after all rounds of the design."""
 
-SEEDS_PER_RECIPE: Final = VERDICT_ROUND + 1
+SEEDS_PER_RECIPE = VERDICT_ROUND + 1
 """Seeds of throws of one recipe's seed."""
 
-MAX_VARIATIONS: Final = 12
+MAX_VARIATIONS = 12
 """Variations of a die from which a design starts, as it may get stuck at kinks of the momentum
 model."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,16 +19,16 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.distances import total_variation
 from dicedesign.throws.goodness_of_fit import RollVerdict
 
-MODEL: Final = "#f0b88f"
+MODEL = "#f0b88f"
 """Color of predictions, paler than the color of throws."""
 
-MAX_WITH_VALUES: Final = 16
+MAX_WITH_VALUES = 16
 """Most outcomes for which values are written above the bars."""
 
-DEVIATIONS_95: Final = 1.96
+DEVIATIONS_95 = 1.96
 """Half-width of the 95 % interval of a normal distribution, in standard deviations."""
 
-LIMITS: Final[dict[str, Any]] = {"ecolor": DARK, "elinewidth": 2.0, "capsize": 6, "capthick": 2.0}
+LIMITS: dict[str, Any] = {"ecolor": DARK, "elinewidth": 2.0, "capsize": 6, "capthick": 2.0}
 
 
 @dataclass(frozen=True)

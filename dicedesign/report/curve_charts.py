@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,25 +19,25 @@ from dicedesign.results.parts import Status
 from dicedesign.results.result import Step
 from dicedesign.runtime.arrays import Floats
 
-MAX_MARKERS: Final = 60
+MAX_MARKERS = 60
 """Most points of a curve that are marked."""
 
-MAX_TICKS: Final = 9
+MAX_TICKS = 9
 """Most ticks of a logarithmic axis."""
 
-ZERO_RATIO: Final = 1e-18
+ZERO_RATIO = 1e-18
 """Values below this times the largest are drawn as zero in the course of a design."""
 
-WIDE_RATIO: Final = 50.0
+WIDE_RATIO = 50.0
 """Ratio of the largest to the smallest value above which an axis is logarithmic."""
 
-LEGEND_ROWS: Final = 16
+LEGEND_ROWS = 16
 """Most entries of a column of a legend beside a chart."""
 
-ZERO_ERROR: Final = 1e-9
+ZERO_ERROR = 1e-9
 """Errors of attempts up to this are drawn as zero."""
 
-RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 """Digits as superscripts."""
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
 
 import numpy as np
 from contourpy import contour_generator
@@ -16,22 +15,22 @@ from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.tracing import slide
 from dicedesign.runtime.arrays import Floats, Integers
 
-DISC_PIXELS: Final = 690.0
+DISC_PIXELS = 690.0
 """Side of the square around a disc."""
 
-MAP_SIZE: Final = (2.0 * DISC_PIXELS + 60.0, DISC_PIXELS + 195.0)
+MAP_SIZE = (2.0 * DISC_PIXELS + 60.0, DISC_PIXELS + 195.0)
 """Width and height, in pixels, of the figure of a Gauss map."""
 
-RADIUS: Final = DISC_PIXELS / (2.0 * 1.02)
+RADIUS = DISC_PIXELS / (2.0 * 1.02)
 """Radius of a disc, in pixels."""
 
-LEAST_WRITTEN: Final = 0.01
+LEAST_WRITTEN = 0.01
 """Probability above which a rest is labeled on the map."""
 
-MAP_PIXELS: Final = 345
+MAP_PIXELS = 345
 """Side of the grid of pixels of a disc."""
 
-CHUNK: Final = 20_000
+CHUNK = 20_000
 """Number of directions that are followed at a time, to limit memory."""
 
 

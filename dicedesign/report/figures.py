@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from dicedesign.report.sheet import Sheet
     from dicedesign.rest.poses import RestPoses
 
-MAX_TRIANGLES: Final = 1_000_000
+MAX_TRIANGLES = 1_000_000
 """Most triangles of a mesh that is drawn itself; with more, its hull is drawn."""
 
-MAX_FLAT_TRIANGLES: Final = 400
+MAX_FLAT_TRIANGLES = 400
 """Most triangles of a mesh that is drawn with flat faces and edges."""
 
 
@@ -96,7 +96,7 @@ def _can_be_filmed(die: FinishedDie) -> bool:
     return has_mesh and kernels.available()
 
 
-MIN_HANDS: Final = 2
+MIN_HANDS = 2
 """Number of energies above which a parabola means anything."""
 
 
@@ -107,7 +107,7 @@ def _has_several_hands(die: FinishedDie) -> bool:
     return len({table.energy for table in die.thrown.die.tables}) > MIN_HANDS
 
 
-FIGURES: Final = Registry(
+FIGURES = Registry(
     "figure",
     Figure,
     builtin=[
@@ -377,7 +377,7 @@ def _down(subject: Subject) -> Floats | None:
     return None if subject.down is None else np.array([subject.down])
 
 
-BODY_FIGURES: Final = Registry(
+BODY_FIGURES = Registry(
     "kind of figure",
     BodyFigure,
     builtin=[

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -38,26 +38,26 @@ Painter = Callable[[Floats, Integers], Floats]
 """Function from directions (p, p, 3), and the rests (p, p) reached from them, to colors (p, p, 3)
 from 0 to 1."""
 
-ARC_PIECES: Final = 24
+ARC_PIECES = 24
 """Straight pieces of a great arc."""
 
-MAX_HULL_EDGES: Final = 3000
+MAX_HULL_EDGES = 3000
 """Most edges of a hull whose arcs are drawn."""
 
-PALEST: Final = 0.15
+PALEST = 0.15
 """Strength of the color of directions of density 0 under a prior."""
 
-PATH_STARTS: Final = 80
+PATH_STARTS = 80
 """Number of paths if no directions are given."""
 
-LINES: Final[dict[str, dict[str, Any]]] = {
+LINES: dict[str, dict[str, Any]] = {
     "hull arcs": {"color": FAINT, "linewidth": 1.0},
     "separatrices": {"color": DARK, "linewidth": 3.3},
     "paths": {"color": "#d6006e", "linewidth": 2.2},
 }
 """Styles of great arcs by their name in the legend."""
 
-POINTS: Final[dict[str, dict[str, Any]]] = {
+POINTS: dict[str, dict[str, Any]] = {
     "maxima": {"marker": "^", "ms": 12.0, "mfc": "white"},
     "saddles": {"marker": "D", "ms": 9.0, "mfc": "white"},
     "minima": {"marker": "o", "ms": 9.0, "mfc": DARK},

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
@@ -31,28 +31,28 @@ from dicedesign.throws.simulation import FRAMES_PER_SECOND, Film, throw_film
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
 
-MARGIN: Final = 1.2
+MARGIN = 1.2
 """Room around the die in pictures, over its extent."""
 
-MAX_MOMENTS: Final = 10
+MAX_MOMENTS = 10
 """Most moments of a roll that are drawn."""
 
-GIF_PIXELS: Final = 480
+GIF_PIXELS = 480
 """Width of the moving picture."""
 
-MAX_FRAMES: Final = 150
+MAX_FRAMES = 150
 """Most frames of the moving picture."""
 
-LONGEST_WAY: Final = 16.0
+LONGEST_WAY = 16.0
 """Largest distance from the rest at which the moving picture begins, over the radius of the die."""
 
-SLOW_MOTION: Final = 4
+SLOW_MOTION = 4
 """Duration of the moving picture over the duration of the throw."""
 
-EDGE: Final = 0.06
+EDGE = 0.06
 """Thickness of the table on paper, over the radius of the die."""
 
-SLANT: Final = math.sin(math.radians(18.0))
+SLANT = math.sin(math.radians(18.0))
 """Height on paper of flat things on the table, over their depth."""
 
 

@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -34,19 +34,19 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import Spread, Table, most_of, scale
 
-MAP: Final = "gauss_map"
+MAP = "gauss_map"
 """Name of the figure that is linked with the 3D view and the table of facets."""
 
-MAX_ATTEMPTS: Final = 12
+MAX_ATTEMPTS = 12
 """Most attempts at a concave die that are listed."""
 
-POLICY: Final = (
+POLICY = (
     "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data:; "
     "style-src 'unsafe-inline'"
 )
 """Content security policy: a page loads nothing and runs no other scripts, whatever its text."""
 
-FLAWS: Final = {
+FLAWS = {
     Status.OFF_TARGET: "probabilities",
     Status.SELF_INTERSECTING: "intersects itself",
     Status.TOO_NEAR: "outcomes near",
@@ -54,19 +54,19 @@ FLAWS: Final = {
     Status.FRAGILE: "prints",
 }
 
-MAX_TRIANGLES: Final = 60_000
+MAX_TRIANGLES = 60_000
 """Most triangles of a solid in a page; more would add megabytes."""
 
-PAIRS_AT_ONCE: Final = 2_000_000
+PAIRS_AT_ONCE = 2_000_000
 """Number of pairs of a triangle and a facet that are compared at a time, to limit memory."""
 
-TOUCHING_HEIGHT: Final = 3e-3
+TOUCHING_HEIGHT = 3e-3
 """Height above the table up to which a concave die touches it, over its largest extent."""
 
-TOUCHING_COSINE: Final = 0.9
+TOUCHING_COSINE = 0.9
 """Cosine of the largest slope of the surface where it touches the table."""
 
-LABEL_COSINE: Final = 0.999
+LABEL_COSINE = 0.999
 """Cosine of the largest angle between the normals of a label and of its facet."""
 
 

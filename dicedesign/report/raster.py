@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +19,15 @@ from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 Picture: TypeAlias = NDArray[np.uint8]
 """(h, w, 3) red, green and blue."""
 
-UPRIGHT: Final = (".stl", ".3mf", ".xyz")
+UPRIGHT = (".stl", ".3mf", ".xyz")
 """Endings of files for printing and construction, in which z is upward; in other files y is."""
 
-UP: Final = np.array([0.0, 0.0, 1.0])
+UP = np.array([0.0, 0.0, 1.0])
 
-TURNS_DEG: Final = (35.0, 155.0, 275.0)
+TURNS_DEG = (35.0, 155.0, 275.0)
 """Angles of three cameras around a body, from its front to the right."""
 
-MARGIN: Final = 1.08
+MARGIN = 1.08
 """Width of a picture over the width of the body."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,37 +17,37 @@ from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.report.raster import Camera, Picture, rasterize
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, ragged_ranges
 
-MATERIAL: Final = np.array([0.94, 0.88, 0.76])
+MATERIAL = np.array([0.94, 0.88, 0.76])
 """Color of a die in full light."""
 
-LINE: Final = np.array([0.20, 0.18, 0.16])
+LINE = np.array([0.20, 0.18, 0.16])
 """Color of outlines."""
 
-SAMPLES: Final = 2
+SAMPLES = 2
 """Samples along each side of a pixel."""
 
-LIGHT: Final = np.array([-0.40, 0.55, 0.73])
+LIGHT = np.array([-0.40, 0.55, 0.73])
 """Unit direction to the light: right, up, toward the camera."""
 
-AMBIENT: Final = 0.38
+AMBIENT = 0.38
 """Brightness of surfaces that face away from the light."""
 
-RECESS_SHADE: Final = 0.45
+RECESS_SHADE = 0.45
 """Darkening of a recess as deep as the reach of its surroundings."""
 
-PAINT_SHADE: Final = 0.55
+PAINT_SHADE = 0.55
 """Strength of the shading of colored surfaces, on which darkness may have a meaning."""
 
-SMOOTH_DEGREES: Final = 35.0
+SMOOTH_DEGREES = 35.0
 """Largest angle between two triangles of a smooth surface that are shaded as one."""
 
-SHARP_DEGREES: Final = 20.0
+SHARP_DEGREES = 20.0
 """Angle above which edges of a solid with flat faces are outlined."""
 
-STEP_SAMPLES: Final = 2.0
+STEP_SAMPLES = 2.0
 """Height, in samples, above which steps in depth are outlined."""
 
-GLASS: Final = np.array([0.52, 0.57, 0.62])
+GLASS = np.array([0.52, 0.57, 0.62])
 """Color of clear glass."""
 
 

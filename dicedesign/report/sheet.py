@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache, wraps
 from io import BytesIO
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from matplotlib import rc_context
@@ -24,19 +24,19 @@ from numpy.typing import ArrayLike
 from dicedesign.palette import DARK, GRID
 from dicedesign.report.raster import Picture, decode_png, trim
 
-TITLE: Final = 23
-BODY: Final = 21
-SMALL: Final = 19
-NOTE: Final = 17
-TINY: Final = 15
+TITLE = 23
+BODY = 21
+SMALL = 19
+NOTE = 17
+TINY = 15
 """Font sizes in pixels."""
 
-DPI: Final = 72
+DPI = 72
 """Pixels per inch: a pixel is a point, so that font sizes and line widths are in pixels too."""
 
-TICKS: Final = {"color": DARK, "labelsize": SMALL, "major.size": 7.0, "major.width": 2.0}
+TICKS = {"color": DARK, "labelsize": SMALL, "major.size": 7.0, "major.width": 2.0}
 
-STYLE: Final[dict[Any, Any]] = {
+STYLE: dict[Any, Any] = {
     "figure.facecolor": "white",
     "font.family": "DejaVu Sans",
     "font.size": BODY,

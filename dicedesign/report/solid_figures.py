@@ -6,7 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.patches import PathPatch
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
     from dicedesign.fabricate.label_layout import Placement
 
-PIXELS: Final = 400
+PIXELS = 400
 """Side of a picture."""
 
-VIEW_PIXELS: Final = 320
+VIEW_PIXELS = 320
 """Side of a picture among eight views."""
 
-SIDES: Final[dict[str, tuple[int, int, int]]] = {
+SIDES: dict[str, tuple[int, int, int]] = {
     "from +x": (1, 0, 0),
     "from +y": (0, 1, 0),
     "from +z": (0, 0, 1),
@@ -49,21 +49,21 @@ SIDES: Final[dict[str, tuple[int, int, int]]] = {
 }
 """Directions to the camera."""
 
-READ_COLOR: Final = "#f2dd6e"
+READ_COLOR = "#f2dd6e"
 """Color of the facet to read; its label has the accent color."""
 
-FACE_COLOR: Final = "#e6eaee"
+FACE_COLOR = "#e6eaee"
 
-FACE_PIXELS: Final = 210.0
+FACE_PIXELS = 210.0
 """Width or height of the largest face."""
 
-FACE_COLUMNS: Final = 6
+FACE_COLUMNS = 6
 """Faces in a row, of up to 18; rows of more faces are longer."""
 
-MAX_FACES: Final = 60
+MAX_FACES = 60
 """Most faces of a die for which those without a label are drawn too."""
 
-BARS_MM: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+BARS_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Lengths of a scale bar; the longest one that is not longer than a face is drawn."""
 
 

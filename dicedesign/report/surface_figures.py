@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import colormaps
@@ -40,19 +40,19 @@ if TYPE_CHECKING:
     from dicedesign.balance.balanced import Balanced
     from dicedesign.geometry.surfaces.repair import RepairedMesh
 
-PIXELS: Final = 400
+PIXELS = 400
 """Side of a picture."""
 
-FAULT: Final = "#c0392b"
+FAULT = "#c0392b"
 """Color of edges that do not have two triangles."""
 
-CROSSING: Final = (0.80, 0.10, 0.10)
+CROSSING = (0.80, 0.10, 0.10)
 """Color of triangles that intersect others."""
 
-UNMARKED: Final = (0.82, 0.80, 0.76)
+UNMARKED = (0.82, 0.80, 0.76)
 """Color of other triangles there."""
 
-REST_COLUMNS: Final = 4
+REST_COLUMNS = 4
 """Most outcomes in a row."""
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
@@ -181,18 +180,18 @@ def close_areas(signed: Floats) -> Floats:
     return np.maximum(areas, np.finfo(np.float64).tiny)
 
 
-MIXTURE: Final = (0.73, 0.41, 0.58, -0.36)
+MIXTURE = (0.73, 0.41, 0.58, -0.36)
 """Weights of a flag's directions in its direction aside: from the center of mass to the corner,
 along the edge, from the edge into the facet, and the facet's normal. The sum is unlikely to be in
 the plane of an edge or a symmetry."""
 
-MOST_FLAGS: Final = 64
+MOST_FLAGS = 64
 """Most equivalent flags of which all are used; of more, only the first."""
 
-NEAREST: Final = 100
+NEAREST = 100
 """Number of corners nearest to the center of mass whose flags are compared first."""
 
-SAME: Final = 9
+SAME = 9
 """Decimal digits to which the lengths that distinguish flags are compared."""
 
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -116,7 +115,7 @@ class Borders:
         return np.asarray(slopes / self.lengths[..., None])
 
 
-_POSITIVE: Final = np.array(
+_POSITIVE = np.array(
     [
         0.991455371120812639206854697526329,
         0.949107912342758524526189684047851,
@@ -127,7 +126,7 @@ _POSITIVE: Final = np.array(
         0.207784955007898467600689403773245,
     ]
 )
-_KRONROD: Final = np.array(
+_KRONROD = np.array(
     [
         0.022935322010529224963732008058970,
         0.063092092629978553290700663189204,
@@ -139,7 +138,7 @@ _KRONROD: Final = np.array(
         0.209482141084727828012999174891714,
     ]
 )
-_GAUSS: Final = np.array(
+_GAUSS = np.array(
     [
         0.129484966168869693270611432679082,
         0.279705391489276667901467771423780,
@@ -149,20 +148,20 @@ _GAUSS: Final = np.array(
 )
 
 # On the interval from 0 to 1.
-NODES: Final = (np.concatenate([-_POSITIVE, [0.0], _POSITIVE[::-1]]) + 1.0) / 2.0
-WEIGHTS: Final = np.concatenate([_KRONROD, _KRONROD[-2::-1]]) / 2.0
-COARSE: Final = np.zeros(15)
+NODES = (np.concatenate([-_POSITIVE, [0.0], _POSITIVE[::-1]]) + 1.0) / 2.0
+WEIGHTS = np.concatenate([_KRONROD, _KRONROD[-2::-1]]) / 2.0
+COARSE = np.zeros(15)
 COARSE[1::2] = np.concatenate([_GAUSS, _GAUSS[-2::-1]]) / 2.0
 
-ROUNDED: Final = 16.0 * float(np.finfo(np.float64).eps)
+ROUNDED = 16.0 * float(np.finfo(np.float64).eps)
 """Least error, relative to the integral of the absolute value, that halving can reach."""
 
-MOST_HALVINGS: Final = 60
+MOST_HALVINGS = 60
 
-MOST_VALUES: Final = 8_000_000
+MOST_VALUES = 8_000_000
 """Most values of an integrand on triangles; then the error is accepted."""
 
-CHUNK: Final = 2_000
+CHUNK = 2_000
 """Triangles that are evaluated at once."""
 
 Integrand = Callable[[Integers, Floats], Floats]

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,14 +26,14 @@ from dicedesign.rest.prior import (
 )
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-TOLERANCE: Final = 1e-15
+TOLERANCE = 1e-15
 """Absolute error of the integral along one arc."""
 
-REACH: Final = 8.0
+REACH = 8.0
 """Angle from the axis, over the width of the distribution, beyond which the density is
 negligible."""
 
-LARGEST: Final = 1e12
+LARGEST = 1e12
 """Largest concentration: beyond it the distribution is narrower than the rounding of directions."""
 
 
@@ -294,7 +293,7 @@ CAP = PriorKind(
 )
 
 
-CUBATURE_TOLERANCE: Final = 1e-13
+CUBATURE_TOLERANCE = 1e-13
 """Absolute error of all integrals together, relative to the integral over the sphere. Rough
 densities have a larger one, which is reported."""
 

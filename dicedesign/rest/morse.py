@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -220,7 +220,7 @@ def wraps(areas: Floats) -> Integers:
     return added
 
 
-SHORT_ARC: Final = 1e-24
+SHORT_ARC = 1e-24
 """Squared sine below which an arc is replaced by its chord."""
 
 

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,7 +78,7 @@ class PriorKind(Extension):
     read: Callable[[str], Prior]
 
 
-PRIORS: Final = Registry(
+PRIORS = Registry(
     "prior",
     PriorKind,
     (
@@ -135,10 +135,10 @@ def axis_of(given: Any) -> Floats:
         ) from error
 
 
-CONFIDENCE: Final = 0.95
+CONFIDENCE = 0.95
 """Confidence of the intervals of probabilities from samples."""
 
-AT_ONCE: Final = 1 << 22
+AT_ONCE = 1 << 22
 """Products of samples and corners that are held in memory at once."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,7 @@ SMALLEST_ANGLE = 1e-4
 
 Contact = Literal["vertex", "edge", "facet"]
 
-CONTACTS: Final[tuple[Contact, ...]] = ("vertex", "edge", "facet")
+CONTACTS: tuple[Contact, ...] = ("vertex", "edge", "facet")
 """What touches the table, by the number of its vertices; 3 or more are a facet."""
 
 

@@ -7,7 +7,6 @@ import reprlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -24,16 +23,16 @@ from dicedesign.runtime.files import (
 )
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
-CHECKPOINT: Final = "checkpoint.npz"
+CHECKPOINT = "checkpoint.npz"
 """State of an unfinished search, to resume it."""
 
-RECIPE: Final = "recipe.yaml"
+RECIPE = "recipe.yaml"
 """Recipe with every default."""
 
-PAGE: Final = "report.html"
+PAGE = "report.html"
 """Report page."""
 
-SOLIDS: Final = ("die.stl", "die_inlay.stl", "die_oriented.stl", "die_plain.stl")
+SOLIDS = ("die.stl", "die_inlay.stl", "die_oriented.stl", "die_plain.stl")
 """Die with labels, inlays that fill the labels, die oriented on the print bed, die without
 labels."""
 

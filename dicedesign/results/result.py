@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from dicedesign.runtime.files import json_text, plain
 if TYPE_CHECKING:
     from dicedesign.notebook import Solid
 
-RESULT: Final = "result.json"
+RESULT = "result.json"
 """Name of the file, written last: a folder with it is complete."""
 
 

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,10 @@ from dicedesign.runtime.files import (
 )
 from dicedesign.runtime.workers import in_order
 
-INTERVAL: Final = 5.0
+INTERVAL = 5.0
 """Minimum seconds between writes."""
 
-SHARE: Final = 0.02
+SHARE = 0.02
 """Maximum share of run time for writing the file."""
 
 
@@ -90,10 +90,10 @@ Arrays = Mapping[str, NDArray[Any]]
 
 State = TypeVar("State")
 
-_ABOUT: Final = "about"
+_ABOUT = "about"
 """Name of the JSON text in the archive."""
 
-_WORK: Final = "work"
+_WORK = "work"
 """Key of the work in that text."""
 
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 
 @dataclass
@@ -44,10 +44,10 @@ class Clock:
         )
 
 
-_CLEAR_REFS: Final = "/proc/self/clear_refs"
+_CLEAR_REFS = "/proc/self/clear_refs"
 """Writing 5 to it resets the peak; see proc(5)."""
 
-_STATUS: Final = "/proc/self/status"
+_STATUS = "/proc/self/status"
 
 
 def reset_peak() -> bool:

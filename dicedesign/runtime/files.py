@@ -14,17 +14,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from dicedesign.errors import InputError, OutputError
 
-MAX_TEXT_BYTES: Final = 1 << 24
+MAX_TEXT_BYTES = 1 << 24
 """Limit for files written by people: 16 MiB."""
 
-MAX_DATA_BYTES: Final = 1 << 32
+MAX_DATA_BYTES = 1 << 32
 """Limit for files written by programs: 4 GiB."""
 
-_FLAGS: Final = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 """Each system has one of the last two flags."""
 
 
@@ -198,7 +198,7 @@ def _partial_file(path: Path) -> Path:
     return path.with_name(f".{path.name[:_MAX_NAME]}.{secrets.token_hex(8)}.part")
 
 
-_MAX_NAME: Final = 40
+_MAX_NAME = 40
 """Characters of a file name in the name of its partial file."""
 
 

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from pkgutil import resolve_name
-from typing import Any, ClassVar, Final, Generic, TypeVar, get_type_hints
+from typing import Any, ClassVar, Generic, TypeVar, get_type_hints
 
 from dicedesign.errors import InputError
 
-EXPECTED: Final = {
+EXPECTED = {
     "bool_type": "true or false",
     "dataclass_type": "keys and values",
     "dict_type": "keys and values",

@@ -24,7 +24,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from dicedesign.errors import DiceError, InputError, missing_extra
 
@@ -56,13 +56,13 @@ def one_thread() -> Iterator[None]:
         yield
 
 
-PATIENCE: Final = 30.0
+PATIENCE = 30.0
 """Timeout of a cluster in seconds."""
 
-PACKAGE: Final = "dicedesign"
+PACKAGE = "dicedesign"
 """Package that the workers of a cluster need too, in this version."""
 
-MOST_LOSSES: Final = 5
+MOST_LOSSES = 5
 """Number of lost workers after which a task is abandoned."""
 
 Task = TypeVar("Task")
@@ -229,16 +229,16 @@ def iterate_completed(
             yield running.pop(future), future
 
 
-ITEMS_PER_TASK: Final = 64
+ITEMS_PER_TASK = 64
 """Maximum number of items of a task of `run_in_batches`."""
 
-FEWEST_TASKS_PER_JOB: Final = 8
+FEWEST_TASKS_PER_JOB = 8
 """Minimum number of tasks per worker, if the items suffice, so that all workers end at about the
 same time."""
 
-BYTES_PER_TASK: Final = 1_000_000
+BYTES_PER_TASK = 1_000_000
 
-LONE_RUNS: Final = 3
+LONE_RUNS = 3
 """Lost workers after which an item that runs alone is abandoned."""
 
 
@@ -317,13 +317,13 @@ def in_order(tasks: Sequence[Callable[[], Result]], workers: Executor) -> Iterat
             place += 1
 
 
-TERMINAL_INTERVAL: Final = 1.0
+TERMINAL_INTERVAL = 1.0
 """Seconds after which a line on a terminal is updated even without progress."""
 
-PIPE_INTERVAL: Final = 10.0
+PIPE_INTERVAL = 10.0
 """Seconds between lines of progress where stderr is no terminal."""
 
-TIME_USED: Final = "{desc}: {elapsed}{postfix}"
+TIME_USED = "{desc}: {elapsed}{postfix}"
 """Format of work whose amount is unknown."""
 
 

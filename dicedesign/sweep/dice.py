@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from dicedesign.errors import DiceError, NoStartError, OutsideHullError, RecipeError
 from dicedesign.recipe.design_die import design_recipe
@@ -20,7 +20,7 @@ from dicedesign.results.folder import CHECKPOINT, RECIPE
 from dicedesign.results.result import RESULT
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
 
-MAX_FOLDER_NAME: Final = 60
+MAX_FOLDER_NAME = 60
 """Characters of a subfolder's name."""
 
 

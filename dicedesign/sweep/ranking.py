@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,11 @@ from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.runtime.files import write_files
 from dicedesign.sweep.dice import Combination, is_made
 
-PAGE: Final = "index.html"
+PAGE = "index.html"
 
-TABLE: Final = "sweep.csv"
+TABLE = "sweep.csv"
 
-COLUMNS: Final = (
+COLUMNS = (
     "rank",
     "folder",
     "status",
@@ -38,7 +38,7 @@ COLUMNS: Final = (
 )
 """Columns of sweep.csv, before the columns of the varied keys."""
 
-NAMED_IN_CHART: Final = 10
+NAMED_IN_CHART = 10
 """Number of dice whose ranks are written into the chart."""
 
 Row = dict[str, Any]

@@ -13,7 +13,6 @@ Models, 1989, section 6.4 (Poisson numbers with a given sum are multinomial).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 from scipy.special import ndtr
@@ -23,16 +22,16 @@ from dicedesign.results.parts import ByTable
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.distances import total_variation
 
-MAX_STEPS: Final = 50
+MAX_STEPS = 50
 """Newton steps to the mode."""
 
-CONVERGED: Final = 1e-9
+CONVERGED = 1e-9
 """Change of a weight below which Newton's method has converged."""
 
-SOFTENING: Final = 0.5
+SOFTENING = 0.5
 """Throws added to each outcome for the initial weights, so that logarithms are finite."""
 
-MAX_DEVIATIONS: Final = 30.0
+MAX_DEVIATIONS = 30.0
 """Number of standard deviations at which ratios are cut off."""
 
 
@@ -139,23 +138,23 @@ def expected_variation(estimate: Estimate, target: Floats) -> float:
     return float(means.sum() / 2.0)
 
 
-OFTEN: Final = 0.9
+OFTEN = 0.9
 """Share of the tables on which a die should be right."""
 
-ROLLS: Final = 1_000
+ROLLS = 1_000
 """Rolls by which a person would notice that a die is wrong."""
 
-NOTICED: Final = 0.01
+NOTICED = 0.01
 """Significance at which it is noticed: so often a perfect die would be, by chance."""
 
-DEVIATIONS: Final = (1.0, 0.1)
+DEVIATIONS = (1.0, 0.1)
 """Prior deviations of the model's error: in common, and by each measure of a table. Large, so that
 the estimates follow the throws rather than the model."""
 
-SERIES: Final = 40
+SERIES = 40
 """Simulated series of throws that measure the effect of chance alone."""
 
-SEED: Final = 0
+SEED = 0
 
 
 def measure_tables(

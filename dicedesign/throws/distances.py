@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,7 +42,7 @@ def jeffreys_intervals(counts: ArrayLike, confidence: float) -> Floats:
     return np.stack(limits, axis=-1)
 
 
-MAX_COUNTS: Final = 1_000_000
+MAX_COUNTS = 1_000_000
 """Counts drawn at a time, at most, unless one series has more."""
 
 
@@ -57,9 +56,9 @@ def draw_counts(probabilities: Floats, throws: int, series: int, seed: int) -> I
         yield random.multinomial(throws, probabilities, size=min(at_once, series - first))
 
 
-DRAWS: Final = 10_000
+DRAWS = 10_000
 
-SEED: Final = 0
+SEED = 0
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -44,7 +44,7 @@ class Engine(Extension):
     throw_states: ThrowStates
 
 
-ENGINES: Final = Registry(
+ENGINES = Registry(
     "engine",
     Engine,
     builtin=("dicedesign.throws.engines:NATIVE",),
@@ -59,7 +59,7 @@ def require_engine(name: str) -> Engine:
     return engine
 
 
-SETTLING: Final = 400.0
+SETTLING = 400.0
 """Time after the bounces until a throw is given up, in units of the square root of radius over
 gravity: about 14 seconds for a die of 25 mm."""
 
@@ -74,16 +74,16 @@ def longest_throw(table: Table) -> float:
     return bouncing + SETTLING * math.sqrt(table.size / 2.0 / GRAVITY)
 
 
-CONTACT_LAW: Final = "impacts"
+CONTACT_LAW = "impacts"
 """Contact law of the engine native, by which a checkpoint of its throws is known: one of another
 law must not be continued."""
 
-STEPS_PER_FALL: Final = 32.0
+STEPS_PER_FALL = 32.0
 """Time steps in the square root of radius over gravity, of a die that stays on the table. Twice or
 four times as many change the probabilities of dice by no more than chance in 20,000 throws; those
 of basins shallower than a thousandth of the radius need them."""
 
-MISSING: Final = (
+MISSING = (
     "engine native: expected the compiled kernels, but they were not built; install the package "
     "where there is a C++ compiler"
 )
@@ -151,7 +151,7 @@ def advance(
     return advanced
 
 
-NATIVE: Final = Engine(
+NATIVE = Engine(
     name="native",
     line="the package's own, which needs the compiled kernels",
     title="native",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,12 +20,12 @@ from dicedesign.throws.distances import (
 )
 from dicedesign.tolerances import EQUAL_LIKELIHOOD, EQUAL_PROBABILITIES
 
-MAX_TABLES: Final = 1_000_000
+MAX_TABLES = 1_000_000
 """Largest number of possible counts that are enumerated; of more, `DRAWS` are drawn at random."""
 
-DRAWS: Final = 100_000
+DRAWS = 100_000
 
-SEED: Final = 0
+SEED = 0
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ def _all_log_likelihoods(throws: int, probabilities: Floats) -> Floats:
     return np.asarray(likelihood + left * math.log(probabilities[-1]) - gammaln(left + 1.0))
 
 
-LEVEL: Final = 0.05
+LEVEL = 0.05
 """Level of the test: the share of correct dice that it rejects."""
 
 
@@ -147,14 +146,14 @@ def chances_noticed(target: Floats, rolls: int, biases: Floats) -> Floats:
     return np.asarray(1.0 - below)
 
 
-FEWEST_EXPECTED: Final = 5.0
+FEWEST_EXPECTED = 5.0
 """Smallest expected count for which Pearson's statistic is close to chi-square: Cochran,
 Biometrics 10(4), 1954."""
 
-POWER: Final = 0.8
+POWER = 0.8
 """Power: probability with which a wrong die is to be rejected."""
 
-WITHIN: Final = 0.02
+WITHIN = 0.02
 """Total variation up to which a die counts as correct."""
 
 

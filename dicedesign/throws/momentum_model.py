@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import compress
 from types import ModuleType
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -34,19 +34,19 @@ from dicedesign.throws.tables import scale as scale_spread
 from dicedesign.throws.transition_features import CARRY_FEATURES, SMOOTHING, TRANSITION_FEATURES
 from dicedesign.tolerances import ROUNDING
 
-TABLE_TERMS: Final = 21
+TABLE_TERMS = 21
 """Number of terms of a quadratic polynomial in the table's numbers."""
 
-CENTERS: Final = np.array([0.4, -1.0, 1.6, 0.8, 0.9])
+CENTERS = np.array([0.4, -1.0, 1.6, 0.8, 0.9])
 """Centers of the scaled numbers."""
 
-EXTENTS: Final = np.array([0.4, 1.3, 1.4, 0.8, 0.9])
+EXTENTS = np.array([0.4, 1.3, 1.4, 0.8, 0.9])
 """Units of the scaled numbers; usual tables are within -1 and 1."""
 
-ROUNDED: Final = 1e-5
+ROUNDED = 1e-5
 """Relative rounding of the range in a file."""
 
-UNITS: Final = {"height": " m", "speed": " m/s", "spin": " rad/s"}
+UNITS = {"height": " m", "speed": " m/s", "spin": " rad/s"}
 
 
 def dimensionless(table: Table) -> Floats:
@@ -122,11 +122,11 @@ def move_table(table: Table, numbers: Floats) -> Table:
     return replace(table, **changed)
 
 
-LEAST_DEVIATION: Final = 1e-9
+LEAST_DEVIATION = 1e-9
 """Smallest standard deviation of a feature or a table's number; below it is rounding."""
 
 
-MAX_REPRESENTATIVES: Final = 4
+MAX_REPRESENTATIVES = 4
 """Number of tables that represent a mixture in the momentum model. With 4, the probabilities of
 random dice differ from the mean over all tables by less than a third of what nine in ten tables
 differ."""
@@ -190,17 +190,17 @@ class Network:
         return linear, bias, inward, shift, self.outward
 
 
-TRANSITION_OUTPUTS: Final = 4
+TRANSITION_OUTPUTS = 4
 """Logarithms of the rate of a transition, in three terms of a quadratic in time, and of its
 stretch."""
 
-CARRY_OUTPUTS: Final = 3
+CARRY_OUTPUTS = 3
 """Logarithm of the rate of a carry, in three terms."""
 
-WEIGHTS: Final = (-1e3, 1e3)
+WEIGHTS = (-1e3, 1e3)
 """Range of a model's numbers that are not in `RANGES`."""
 
-RANGES: Final = {
+RANGES = {
     "deviation": (LEAST_DEVIATION, 1e3),
     "restitution": (0.0, 0.95),
     "friction": (1e-3, 10.0),
@@ -283,23 +283,23 @@ def general_model_of(plain: Any) -> GeneralModel:
     )
 
 
-IMPACTS: Final = 12
+IMPACTS = 12
 """Number of impacts in which a die may leave its basin."""
 
-CARRIES: Final = 3
+CARRIES = 3
 """Largest number of carries after an impact."""
 
-MAX_LOG_RATE: Final = 8.0
+MAX_LOG_RATE = 8.0
 """Upper bound of the logarithm of the rates of transitions and carries; they are practically
 certain then."""
 
-MAX_LOG_STRETCH: Final = 3.0
+MAX_LOG_STRETCH = 3.0
 """Upper bound of the logarithm of the factor of a transition's barrier."""
 
-NO_BARRIER: Final = 0.003
+NO_BARRIER = 0.003
 """Barrier relative to the radius below which leaving a rest becomes certain."""
 
-NUMBERS: Final = np.array([(-20.0, 20.0), (0.0, 20.0), (0.0, 100.0)])
+NUMBERS = np.array([(-20.0, 20.0), (0.0, 20.0), (0.0, 100.0)])
 """Range of `hot`, `cooling` and `carry_barrier`, to which they are clipped."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -159,7 +159,7 @@ def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
     return solid_inertia(body.points, solid[0])
 
 
-UPSIDE_DOWN: Final = 1e-12
+UPSIDE_DOWN = 1e-12
 """Distance of a direction's vertical part from -1 below which the shortest turn up is
 undetermined."""
 

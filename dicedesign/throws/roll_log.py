@@ -7,7 +7,6 @@ import io
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -15,18 +14,18 @@ from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.files import atomic_write, read_text
 
-MAX_COUNT: Final = 10**9
+MAX_COUNT = 10**9
 """Largest count."""
 
-QUOTED: Final = 40
+QUOTED = 40
 """Number of characters of a wrong entry that are quoted."""
 
-COUNTED: Final = ["label", "count"]
+COUNTED = ["label", "count"]
 
-ONE_BY_ONE: Final = ["label"]
+ONE_BY_ONE = ["label"]
 """Headers of a file of one die: with counts, or with one throw on each line."""
 
-MAX_NAMED: Final = 30
+MAX_NAMED = 30
 """Largest number of labels in a message."""
 
 Rows = list[tuple[int, list[str]]]

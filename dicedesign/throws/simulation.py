@@ -9,7 +9,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +36,7 @@ from dicedesign.throws.rigid_body import (
 from dicedesign.throws.tables import GRAVITY, Table, load_table, mixture_tables, most_of
 from dicedesign.tolerances import STANDING_ANGLE
 
-DROPS_PER_TASK: Final = 500
+DROPS_PER_TASK = 500
 """Drops that share a random generator, so that results do not depend on the workers."""
 
 
@@ -185,7 +185,7 @@ def _rests_by(engine: str, body: RigidBody, table: Table, states: Floats) -> Int
     return outcomes
 
 
-CONFIDENCE: Final = 0.95
+CONFIDENCE = 0.95
 """Confidence of all intervals."""
 
 
@@ -302,13 +302,13 @@ def throwing_threads() -> Iterator[Executor]:
         workers.shutdown(wait=True, cancel_futures=True)
 
 
-FRAMES_PER_SECOND: Final = 100
+FRAMES_PER_SECOND = 100
 """Frames per second of the motion, not of its display."""
 
-CANDIDATES: Final = 25
+CANDIDATES = 25
 """Throws of which the one of median length is filmed."""
 
-SETTLED: Final = 0.02
+SETTLED = 0.02
 """Speed below which a die looks at rest, in units of the square root of radius times gravity: about
 7 mm/s for a die of 25 mm."""
 

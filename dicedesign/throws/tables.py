@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -66,10 +66,10 @@ class Hand:
     source: str
 
 
-SPREADS: Final = ("height", "speed", "spin")
+SPREADS = ("height", "speed", "spin")
 """Parameters of a throw, which may be ranges."""
 
-TABLE_NUMBERS: Final = ("restitution", "friction", *SPREADS)
+TABLE_NUMBERS = ("restitution", "friction", *SPREADS)
 """Parameters on which throws depend, besides the size of the die."""
 
 
@@ -82,7 +82,7 @@ def _frozen(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-HANDS: Final = {
+HANDS = {
     name: Hand(name, **{key: _frozen(value) for key, value in entries.items()})
     for name, entries in json.loads(read_packaged("hands")).items()
 }
@@ -96,17 +96,17 @@ def hand_named(name: str) -> Hand:
     return HANDS[name]
 
 
-TABLE_NAMES: Final = ("board-game", "hard-wood", "carpet", "paper")
+TABLE_NAMES = ("board-game", "hard-wood", "carpet", "paper")
 """Tables that come with the package, one file each."""
 
-MOST_RESTITUTION: Final = 0.95
+MOST_RESTITUTION = 0.95
 
-LEAST_SIZE: Final = 1e-4
+LEAST_SIZE = 1e-4
 
-MOST_SIZE: Final = 10.0
+MOST_SIZE = 10.0
 """Largest size of dice, in m."""
 
-_LIMITS: Final = {
+_LIMITS = {
     "restitution": (0.0, MOST_RESTITUTION, "0 (dead) to 0.95"),
     "friction": (0.0, 10.0, "0 to 10"),
     "height": (0.0, 100.0, "0 to 100 m"),
@@ -116,13 +116,13 @@ _LIMITS: Final = {
     "drag": (0.0, 1e4, "0 to 10000 1/s"),
 }
 
-GRAVITY: Final = 9.81
+GRAVITY = 9.81
 """Acceleration in m/s^2."""
 
-BALL: Final = 0.1
+BALL = 0.1
 """Moment of inertia of a ball over its mass and squared diameter."""
 
-_EXTRA_ENTRIES: Final = {"mixture", "momentum"}
+_EXTRA_ENTRIES = {"mixture", "momentum"}
 """Entries of a file that are no parameters of its table."""
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -67,28 +67,28 @@ class Transitions:
         return len(self.corners)
 
 
-TRANSITION_FEATURES: Final = 29
+TRANSITION_FEATURES = 29
 """Number of columns of `Features.transitions`."""
 
-CARRY_FEATURES: Final = 14
+CARRY_FEATURES = 14
 """Number of columns of `Features.carries`."""
 
-LOG_SOFTENING: Final = 0.003
+LOG_SOFTENING = 0.003
 """Length added to a barrier in its logarithm."""
 
-SPEED_SOFTENING: Final = 0.01
+SPEED_SOFTENING = 0.01
 """Squared ratio of speeds at which the positive part of a ratio is smoothed."""
 
-ENERGY_SOFTENING: Final = 0.02
+ENERGY_SOFTENING = 0.02
 """Share of energy added to a divisor."""
 
-MOST_LACKING: Final = 3.0
+MOST_LACKING = 3.0
 """Upper bound of the energy that a carry lacks."""
 
-SHARPNESS: Final = 10.0
+SHARPNESS = 10.0
 """Sharpness of the smoothed positive part of the lacking energy."""
 
-SMOOTHING: Final = (LOG_SOFTENING, SPEED_SOFTENING, ENERGY_SOFTENING, MOST_LACKING, SHARPNESS)
+SMOOTHING = (LOG_SOFTENING, SPEED_SOFTENING, ENERGY_SOFTENING, MOST_LACKING, SHARPNESS)
 """These constants in the order of the kernels."""
 
 

@@ -8,7 +8,6 @@ import threading
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from dicedesign.view.viewport import Viewport
 
 __all__ = ["View", "serve_view"]
 
-_BLOCK_SIDES: Final = (1.0, 1.2, 0.8)
+_BLOCK_SIDES = (1.0, 1.2, 0.8)
 """Sides of the body on a page without a path, before the first die."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from dicedesign.view.sources import Source
 from dicedesign.view.viewed_body import ViewedBody
 from dicedesign.view.viewport import Viewport
 
-MAX_ROWS: Final = 24
+MAX_ROWS = 24
 """Rows of the table of probabilities; the others are summed."""
 
 
@@ -58,7 +58,7 @@ def probabilities_html(viewed: ViewedBody, thrown: Floats | None) -> str:
     )
 
 
-NO_TABLE: Final = "no table: set down gently"
+NO_TABLE = "no table: set down gently"
 
 
 class ProbabilityControls:
@@ -113,19 +113,19 @@ class ProbabilityControls:
             self._viewport.move(turn_motion(viewed.hull, self._viewport.pose, pose))
 
 
-RELEASE: Final = "Let it go"
-THROW: Final = "Throw it"
-THROW_FROM_POSE: Final = "Throw from this pose"
-THROW_MANY: Final = "Throw 100"
+RELEASE = "Let it go"
+THROW = "Throw it"
+THROW_FROM_POSE = "Throw from this pose"
+THROW_MANY = "Throw 100"
 
-DEFAULT_TABLE: Final = "board-game"
+DEFAULT_TABLE = "board-game"
 
-MANY: Final = 100
+MANY = 100
 
-FEW: Final = 5.0
+FEW = 5.0
 """Expected count below which a chi-square test tells little."""
 
-UNLIKELY: Final = 0.05
+UNLIKELY = 0.05
 
 
 def describe_tally(counts: Integers, probabilities: Floats, table: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,12 +15,12 @@ from dicedesign.view.viewport import Viewport
 
 __all__ = ["DragControls"]
 
-CENTER: Final = "Center of mass"
-CORNER: Final = "Corner"
-FACET: Final = "Facet"
-NOTHING: Final = "Nothing"
+CENTER = "Center of mass"
+CORNER = "Corner"
+FACET = "Facet"
+NOTHING = "Nothing"
 
-OUTSIDE: Final = "The center of mass of a body is always inside its hull. Drag it back."
+OUTSIDE = "The center of mass of a body is always inside its hull. Drag it back."
 
 
 class DragControls:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,12 +14,12 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.simulation import Film
 from dicedesign.view.viewed_body import ViewedBody
 
-BODY_POSITION: Final = np.array([-0.9, 0.0, 0.0])
+BODY_POSITION = np.array([-0.9, 0.0, 0.0])
 """Position of the body on the floor, in the scene."""
 
-SPHERE_POSITION: Final = np.array([1.1, 0.0, 0.5])
+SPHERE_POSITION = np.array([1.1, 0.0, 0.5])
 
-SPHERE_RADIUS: Final = 0.45
+SPHERE_RADIUS = 0.45
 
 
 @dataclass(frozen=True)
@@ -60,13 +59,13 @@ class SceneFrame:
         return quaternion, BODY_POSITION + self.scale * (rotation @ self.origin + pose[:3, 3])
 
 
-MAX_STEP_ANGLE: Final = 0.02
+MAX_STEP_ANGLE = 0.02
 """Radians from one pose to the next."""
 
-ROLL_SPEED: Final = 2.0
+ROLL_SPEED = 2.0
 """Radians per second of a rolling body."""
 
-TURN_SECONDS: Final = 0.5
+TURN_SECONDS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +131,7 @@ def _end_at_origin(poses: Floats, center: Floats) -> Floats:
     return moved
 
 
-STANDING_ANGLE: Final = np.radians(0.01)
+STANDING_ANGLE = np.radians(0.01)
 """A body within this angle of a rest stands on it."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PRESETS", "NewDiePanel"]
 
-PRESETS: Final = {
+PRESETS = {
     "Two dice in one (2d6)": ("2d6", ""),
     "Two small dice in one (2d4)": ("2d4", ""),
     "Fair, 3 sides": ("d3", ""),
@@ -47,17 +47,17 @@ PRESETS: Final = {
 }
 """Texts of the fields for probabilities and labels, by title; empty labels are numbers."""
 
-OWN: Final = "Your own"
+OWN = "Your own"
 """Title in the menu of fields that no preset has."""
 
-METHODS: Final = {"exact": "exact", "the paper's descent": "paper"}
+METHODS = {"exact": "exact", "the paper's descent": "paper"}
 
-DEFAULT_START: Final = "default of the method"
+DEFAULT_START = "default of the method"
 
-MIN_SLIDER_RANGE: Final = 2.0
+MIN_SLIDER_RANGE = 2.0
 """A slider reaches at least this, and four times the default of its number."""
 
-STEP_SECONDS: Final = 1.0 / 30.0
+STEP_SECONDS = 1.0 / 30.0
 """Least duration of a step, so that it can be seen."""
 
 
@@ -157,7 +157,7 @@ def die_file(work: Work, ending: str) -> tuple[str, bytes]:
     return name, file_bytes(die_contents(work), FILE_FORMATS[ending], name)
 
 
-FILES: Final = {"STL": "stl", "3MF": "3mf", "Recipe": "yaml"}
+FILES = {"STL": "stl", "3MF": "3mf", "Recipe": "yaml"}
 """Endings of the files, by the titles of their buttons."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from viser import SceneApi
 
 
-ARC_PIECES: Final = 8
+ARC_PIECES = 8
 """Straight pieces of the arc from one corner of a polyline to the next."""
 
-MAX_DRAWN_EDGES: Final = 400
+MAX_DRAWN_EDGES = 400
 """Hulls with more edges are drawn without edges."""
 
 Mesh = tuple[Floats, Integers]
 """Points (n, 3) and triangles (t, 3)."""
 
-EMPTY_MESH: Final[Mesh] = (np.zeros((3, 3)), np.array([[0, 1, 2]]))
+EMPTY_MESH: Mesh = (np.zeros((3, 3)), np.array([[0, 1, 2]]))
 """Invisible mesh; a browser needs at least one triangle."""
 
 
-NO_LINES: Final = np.zeros((1, 2, 3))
+NO_LINES = np.zeros((1, 2, 3))
 """Invisible segment of a line; a browser needs at least one."""
 
 
@@ -47,24 +47,24 @@ def arc_segments(paths: Sequence[Floats]) -> Floats:
     return np.concatenate([NO_LINES, pieces])
 
 
-DIRECTIONS: Final = even_directions(6000)
+DIRECTIONS = even_directions(6000)
 """Directions of the dots that color the sphere; arcs cover the rough borders of basins."""
 
-DOT_SIZE: Final = 0.036
+DOT_SIZE = 0.036
 """Size of dots without gaps on a unit sphere."""
 
-LINE_WIDTH: Final = 0.01
+LINE_WIDTH = 0.01
 
-MAX_LABELS: Final = 24
+MAX_LABELS = 24
 
-COLORS: Final = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
+COLORS = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
 """(20, 3) colors of rows, 0 to 255; they repeat after the last."""
 
 _DARK, _GRAY, _PALE = (
     tuple(color) for color in np.rint(255.0 * rgb([DARK, FAINT, PALE])).astype(int).tolist()
 )
 
-_HULL_COLOR: Final = (216, 222, 228)
+_HULL_COLOR = (216, 222, 228)
 
 OnRay = Callable[[Floats, Floats], None]
 """Called with the origin (3,) and the direction (3,) of a ray in the scene, in the thread of the
@@ -330,16 +330,16 @@ class BodyNodes:
         )
 
 
-MOST_PAIRS: Final = 20_000_000
+MOST_PAIRS = 20_000_000
 """Limit on triangles times facets of a die that is split into its colors."""
 
-DEEPEST: Final = 0.15
+DEEPEST = 0.15
 """Largest depth of a label below its facet, over the radius of the die."""
 
-LEAST_FILLED: Final = 0.9
+LEAST_FILLED = 0.9
 """Part of its hull that an engraved convex die fills."""
 
-FLUSH: Final = 1e-4
+FLUSH = 1e-4
 """Distance from a facet's plane over the radius of the die, up to which a triangle is on it."""
 
 

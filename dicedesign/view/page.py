@@ -9,7 +9,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -142,7 +142,7 @@ class Job:
             self._thread.join(timeout=wait)
 
 
-MAX_DIGITS: Final = 8
+MAX_DIGITS = 8
 """Limit on the number in an action."""
 
 

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from dicedesign.errors import InputError, check_whole, missing_extra
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import viser
 
 
-LOOPBACK: Final = "127.0.0.1"
+LOOPBACK = "127.0.0.1"
 
-LOOPBACK_NAMES: Final = frozenset({"localhost", LOOPBACK})
+LOOPBACK_NAMES = frozenset({"localhost", LOOPBACK})
 """Host names of this machine in its own requests."""
 
 
@@ -76,18 +76,18 @@ def open_socket(port: int) -> socket.socket:
     return listening
 
 
-TITLE: Final = "dicedesign"
+TITLE = "dicedesign"
 
-ACTION: Final = "data-action"
+ACTION = "data-action"
 """Attribute of HTML elements whose value is sent to the server on a click."""
 
-POLICY: Final = (
+POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' data: blob: ws: wss:; "
     "connect-src 'self' data: blob: ws: wss:; frame-ancestors 'none'"
 )
 """Content-Security-Policy: the page loads nothing from other sites."""
 
-_SCRIPT: Final = """
+_SCRIPT = """
 {
   const later = window.setTimeout.bind(window);
   window.setTimeout = (act, wait, ...rest) => later(act, wait === 50 ? 16 : wait, ...rest);
@@ -102,7 +102,7 @@ _SCRIPT: Final = """
 }
 """.replace("ATTRIBUTE", ACTION)
 
-_STYLE: Final = f"""
+_STYLE = f"""
 .dd {{ color: {DARK}; font-size: 13px; line-height: 1.35; padding: 2px 12px 6px; }}
 .dd h3 {{ font-size: 13px; margin: 6px 0 2px; }}
 .dd p {{ margin: 2px 0; }}
@@ -122,13 +122,13 @@ _STYLE: Final = f"""
 .dd tr.selected {{ background: {PALE}66; }}
 """
 
-HEAD: Final = (
+HEAD = (
     f'<meta name="referrer" content="no-referrer"><title>{TITLE}</title>'
     f"<script>{_SCRIPT}</script><style>{_STYLE}</style>"
 )
 """HTML at the start of the head of the page."""
 
-_ACTION_PATH: Final = "/action/"
+_ACTION_PATH = "/action/"
 
 OnAction = Callable[[str], None]
 """Called with the action of a click, in the thread of the server; must not block."""
@@ -183,7 +183,7 @@ def start_server(listening: socket.socket, gate: Gate, on_action: OnAction) -> v
     return server
 
 
-STRANGER: Final = "stranger.invalid"
+STRANGER = "stranger.invalid"
 """Host that the gate must not admit."""
 
 

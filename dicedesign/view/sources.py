@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -26,7 +25,7 @@ __all__ = ["Source", "open_source"]
 OnProgress = Callable[[str], object]
 """Called with a text."""
 
-RECIPE_ENDINGS: Final = (".yaml", ".yml")
+RECIPE_ENDINGS = (".yaml", ".yml")
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from dicedesign.throws.momentum_model import MomentumMixture
 from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 
-CLEARANCE: Final = 1e-3
+CLEARANCE = 1e-3
 """Least distance of a center of mass from the surface, as a part of the way from the centroid."""
 
 
@@ -48,10 +47,10 @@ def facet_vertices(hull: ConvexHull, facet: int) -> Integers:
     return hull.tail[hull.facet_start[facet] : hull.facet_start[facet + 1]]
 
 
-MAX_DRAWN_TRIANGLES: Final = 150_000
+MAX_DRAWN_TRIANGLES = 150_000
 """Larger meshes are decimated for display."""
 
-FINEST_GRID: Final = 256
+FINEST_GRID = 256
 """Cells along the longest side of a mesh in the first attempt to decimate it."""
 
 
@@ -75,13 +74,13 @@ def decimate(points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
     return fewer, merged
 
 
-SAME_REST_ANGLE: Final = np.radians(20.0)
+SAME_REST_ANGLE = np.radians(20.0)
 """A rest keeps its number if its facet turns by at most this angle in one move."""
 
-VISIBLE_PART: Final = 1e-5
+VISIBLE_PART = 1e-5
 """A mesh that lacks less than this part of the volume of its hull looks convex."""
 
-ELSEWHERE: Final = "other"
+ELSEWHERE = "other"
 """Label of the row for rests without an outcome."""
 
 

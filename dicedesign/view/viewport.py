@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,13 +18,13 @@ from dicedesign.view.viewed_body import MAX_DRAWN_TRIANGLES, ViewedBody, decimat
 
 __all__ = ["Viewport"]
 
-AMBIENT_LIGHT: Final = 1.2
+AMBIENT_LIGHT = 1.2
 
-PHONE_CAMERA: Final = (-0.9, -9.0, 2.6), (-0.9, 0.0, -1.0)
+PHONE_CAMERA = (-0.9, -9.0, 2.6), (-0.9, 0.0, -1.0)
 """Position and target of the camera on a screen that is taller than wide: the body in its upper
 half."""
 
-FRAME_SECONDS: Final = 1.0 / 50.0
+FRAME_SECONDS = 1.0 / 50.0
 """Time between two poses of a motion."""
 
 

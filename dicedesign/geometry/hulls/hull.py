@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,21 +25,21 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32, ROUNDING, SLIVER
 
-CONNECTIVITY: Final = frozenset(
+CONNECTIVITY = frozenset(
     ["facet_start", "tail", "twin", "facet", "next", "previous", "head", "outgoing", "triangles"]
 )
 """Fields and cached properties of a hull that do not depend on where its vertices are."""
 
-MOST_INSIDE: Final = 64
+MOST_INSIDE = 64
 """Most points inside a hull for which its connectivity is checked: more would take longer than a
 new hull."""
 
-AT_A_TIME: Final = 128
+AT_A_TIME = 128
 """Points that are compared with all facets at once."""
 
-FLOAT32_EPS: Final = float(np.finfo(np.float32).eps)
+FLOAT32_EPS = float(np.finfo(np.float32).eps)
 
-FLOAT64_EPS: Final = float(np.finfo(np.float64).eps)
+FLOAT64_EPS = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)

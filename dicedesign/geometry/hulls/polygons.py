@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import combinations
-from typing import Final
 
 import numpy as np
 
@@ -14,16 +13,16 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import rotation_between
 from dicedesign.runtime.arrays import Floats
 
-MOST_TRIPLED: Final = 24
+MOST_TRIPLED = 24
 """Most constraints for which all triples are tried; a linear program takes more."""
 
-PARALLEL: Final = 1e-12
+PARALLEL = 1e-12
 """Determinant of three unit constraints below which they meet in no point."""
 
-ROUNDING: Final = 1e-9
+ROUNDING = 1e-9
 """Relative change of a factor, well above its rounding."""
 
-MET: Final = 1e-12
+MET = 1e-12
 """Largest violation of a constraint, relative to the root of the polygon's area."""
 
 

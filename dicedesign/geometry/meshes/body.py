@@ -4,7 +4,7 @@ with its shells consistently oriented; and its center of mass."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,7 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.tolerances import ROUNDED_DIGITS, SMALLEST_EXTENT, VOLUME_TOLERANCE
 
-_POWERS_OF_TEN: Final = np.array([float(f"1e{k}") for k in range(23)])
+_POWERS_OF_TEN = np.array([float(f"1e{k}") for k in range(23)])
 """The exact ones in float64: a quotient by one of them is the float nearest to the decimal."""
 
 
@@ -227,15 +227,15 @@ def _check_coordinates(positions: Floats, name: str) -> None:
         )
 
 
-_CLEAR: Final = 0.25
+_CLEAR = 0.25
 """Distance from an integer below which a winding number counts as that integer; on a flat part of
 the surface it is a half."""
 
-_OPEN: Final = 0.1
+_OPEN = 0.1
 """Area of a flat cover of a patch's holes, relative to the patch's own, up to which the patch has
 an inside."""
 
-_TWO_SIDED: Final = 0.9
+_TWO_SIDED = 0.9
 """Least share of triangles that occur with both orientations in a two-sided surface."""
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from manifold3d import Error, Manifold, Mesh64
@@ -54,9 +54,9 @@ def mesh_of(body: Manifold) -> Surface:
     return Surface(vertices, np.array(mesh.tri_verts, dtype=np.int64))
 
 
-SOURCE: Final = "densities of its parts"
+SOURCE = "densities of its parts"
 
-SHARED: Final = 1e-9
+SHARED = 1e-9
 """Share of a solid's volume that may overlap another solid that counts as disjoint."""
 
 

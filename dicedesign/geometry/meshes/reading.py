@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Final, cast
+from typing import cast
 
 import numpy as np
 
@@ -31,16 +31,16 @@ Geometry = tuple[Floats, Integers]
 
 Line = tuple[int, list[str]]
 
-EXPORT_AGAIN: Final = "export it again as STL, PLY or OBJ"
+EXPORT_AGAIN = "export it again as STL, PLY or OBJ"
 """The remedy for a file that is wrong as a whole."""
 
-QUOTED: Final = 40
+QUOTED = 40
 """Characters of a wrong line that are quoted."""
 
-MOST_INDEX: Final = 2**31
+MOST_INDEX = 2**31
 """Largest vertex number."""
 
-DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+")
+DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 """A number with a comma for its point."""
 
 
@@ -193,13 +193,13 @@ def bad_line(path: Path, number: int, expected: str, line: str) -> MeshFileError
     )
 
 
-STL_HEADER: Final = 84
+STL_HEADER = 84
 """Bytes before the first triangle: 80 of any text, then the number of triangles."""
 
-STL_TITLE: Final = b"dicedesign, binary STL, lengths in millimeters".ljust(STL_HEADER - 4)
+STL_TITLE = b"dicedesign, binary STL, lengths in millimeters".ljust(STL_HEADER - 4)
 """Text at the start of the files that this package writes."""
 
-STL_TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
+STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
 """Triangle of a binary file; its last two bytes are an extension that most programs skip."""
 
 
@@ -276,7 +276,7 @@ def stl_bytes(surface: Surface) -> bytes:
     return STL_TITLE + np.array(len(records), dtype="<u4").tobytes() + records.tobytes()
 
 
-OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
+OWN_READERS: dict[str, Callable[[bytes, Path], Geometry]] = {
     ".stl": parse_stl,
     ".obj": parse_obj,
     ".off": parse_off,
@@ -284,7 +284,7 @@ OWN_READERS: Final[dict[str, Callable[[bytes, Path], Geometry]]] = {
 }
 """The reader of each file ending, in lower case, that does without trimesh."""
 
-OWN_ENDINGS: Final = frozenset(OWN_READERS)
+OWN_ENDINGS = frozenset(OWN_READERS)
 
 
 @cache
@@ -296,7 +296,7 @@ def mesh_endings() -> frozenset[str]:
         return frozenset(f".{name}" for name in mesh_formats()) | OWN_ENDINGS
 
 
-MOST_INFLATED: Final = 1 << 31
+MOST_INFLATED = 1 << 31
 """Largest unpacked size of an archive in bytes, 2 GiB."""
 
 

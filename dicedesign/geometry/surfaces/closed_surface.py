@@ -3,8 +3,6 @@ refinement."""
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, InputError, missing_extra
@@ -23,7 +21,7 @@ from dicedesign.geometry.triangles import (
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import VOLUME_TOLERANCE
 
-REPAIR: Final = (
+REPAIR = (
     "write start: {mesh: {path: FILE, repair: true}} (dicedesign design: --repair), or repair the "
     "file with dicedesign repair"
 )
@@ -149,10 +147,10 @@ def _place(point: Floats) -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"
 
 
-CONVEX: Final = 1e-3
+CONVEX = 1e-3
 """Largest share of its hull's volume that a convex surface leaves empty."""
 
-ROUND: Final = 0.95
+ROUND = 0.95
 """Least distance of a facet from the center of mass, relative to the farthest corner's, from which
 on a hull is nearly a sphere."""
 
@@ -177,17 +175,17 @@ def require_dents(surface: Surface) -> None:
         )
 
 
-FEWEST: Final = 4
+FEWEST = 4
 """Points of the smallest closed surface, a tetrahedron."""
 
-AGGRESSIVENESS: Final = (5.0, 4.0)
+AGGRESSIVENESS = (5.0, 4.0)
 """Speeds at which the decimation raises its threshold, tried in turn: a slower one keeps the shape
 better, but may end before the wanted number of points is reached."""
 
-WEAKER: Final = 1.25
+WEAKER = 1.25
 """Factor by which the number of points is raised where no decimation gives a good surface."""
 
-SHORTER: Final = 0.93
+SHORTER = 0.93
 """Factor by which edges are shortened until there are enough points."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 import igl
 import numpy as np
@@ -104,9 +104,9 @@ class GridValues:
             values[np.concatenate(beside).astype(np.int64)] = values.min()
 
 
-MEETING: Final = 0.75
+MEETING = 0.75
 """Distance, in spacings of the grid, of nodes from a point where sheets meet that count as
 outside."""
 
-NODES_PER_CUBE: Final = 2.0
+NODES_PER_CUBE = 2.0
 """Nodes of a body-centered cubic grid in each cube of its spacing: corners and centers."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,10 @@ from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_ne
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
 
-LISTED: Final = 20
+LISTED = 20
 """Most triangles and places listed in the plain data, beside their number."""
 
-SHARE: Final = 0.95
+SHARE = 0.95
 """Share of the area whose largest distortion is given."""
 
 

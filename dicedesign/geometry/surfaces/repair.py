@@ -6,7 +6,7 @@ The solid is the set of points with a winding number above one half.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -23,29 +23,29 @@ from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_ke
 from dicedesign.results.parts import Repair
 from dicedesign.runtime.arrays import Floats, Integers
 
-CELLS: Final = 75
+CELLS = 75
 """Grid steps along the longest side."""
 
-HALF: Final = 0.5
+HALF = 0.5
 """Winding number of a point from which on it is inside."""
 
-WINDING_CELLS: Final = 2.0
+WINDING_CELLS = 2.0
 """Depth in grid steps that a winding number of one more counts as, where no triangle is nearer."""
 
-BESIDE: Final = 0.02
+BESIDE = 0.02
 """Distance from a triangle, in grid steps, at which both of its sides are tested for being
 inside."""
 
-BORDER: Final = 2.5
+BORDER = 2.5
 """Grid steps beyond the box on each side."""
 
-THIN: Final = 0.01
+THIN = 0.01
 """Thickness over the longest side below which a part is thin, as nodes of the grid may miss it."""
 
-THICKENING: Final = 0.5
+THICKENING = 0.5
 """Grid steps by which a thin part is thickened on each side, so that nodes cannot miss it."""
 
-PIECES: Final = 2.0
+PIECES = 2.0
 """Longest edge, in grid steps, of the pieces into which triangles are cut to be tested for
 thinness."""
 
@@ -123,19 +123,19 @@ def _area(surface: Surface) -> float:
     return float(norms(doubled_area_vectors(surface.points, surface.triangles)).sum()) / 2.0
 
 
-MOST_TRIANGLES: Final = 100_000
+MOST_TRIANGLES = 100_000
 """Most triangles of a repair; more are decimated first."""
 
-SAMPLES: Final = 20_000
+SAMPLES = 20_000
 """Random points on a surface for measuring distances."""
 
-SEED: Final = 0
+SEED = 0
 """Seed of these points."""
 
-SHEETS: Final = 0.5
+SHEETS = 0.5
 """Largest area share of sheets with no solid on either side."""
 
-REPORTED_SHARE: Final = 5e-3
+REPORTED_SHARE = 5e-3
 """Area share from which on sheets and thin parts are reported: some are at every sharp edge."""
 
 
@@ -297,13 +297,13 @@ def _percent(part: float) -> str:
     return f"{100.0 * part:.2g} %"
 
 
-MOST_POINTS: Final = 20_000
+MOST_POINTS = 20_000
 """Default number of points to which a surface is decimated."""
 
-FINEST: Final = 60_000
+FINEST = 60_000
 """Number of points to which a surface is decimated that is written as it is or decimated again."""
 
-FIRST: Final = 2
+FIRST = 2
 """Factor of the wanted points to which a large mesh is thinned before the search for triangles that
 meet."""
 

@@ -3,8 +3,6 @@ signs."""
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from dicedesign.geometry.predicates import Orientation
@@ -12,7 +10,7 @@ from dicedesign.geometry.triangles import find_parts
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import FLAT_FOLD, ROUNDING, UNDERFLOW
 
-EDGES: Final = ((0, 1), (1, 2), (2, 0))
+EDGES = ((0, 1), (1, 2), (2, 0))
 """Corners at the ends of a triangle's edges."""
 
 

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import torch
@@ -230,32 +230,32 @@ class CandidateMaker(ShapeEvaluator):
         return self.attempt(candidate.coordinates, parameters, candidate.directions)
 
 
-DEPTH_MARGIN: Final = 0.03
+DEPTH_MARGIN = 0.03
 """Depth of a facet, over the circumscribed radius, below which it is a residual."""
 
-WALL_WEIGHTS: Final = (0.3, 0.01, 0.0)
+WALL_WEIGHTS = (0.3, 0.01, 0.0)
 """Weights of the depth residuals, in order."""
 
-NEAR: Final = 0.002
+NEAR = 0.002
 """Largest |p - q| of a die that is first led to the target without depth residuals, as a short way
 rarely meets an edge of stability."""
 
-LARGEST_MOVE: Final = 0.15
+LARGEST_MOVE = 0.15
 """Largest change of a parameter in one step."""
 
-DAMPINGS: Final = (1e-14, 1e-3, 1e4)
+DAMPINGS = (1e-14, 1e-3, 1e4)
 """Smallest, first and largest damping mu, in units of the mean square of the Jacobian's rows."""
 
-LEAST_REFUSED: Final = 1e-6
+LEAST_REFUSED = 1e-6
 """Least damping after a refused step, in the units of `DAMPINGS`."""
 
-SAME: Final = 1e-12
+SAME = 1e-12
 """Largest difference of the cosine of a zero angle from 1."""
 
-SLOW: Final = 0.1
+SLOW = 0.1
 """Relative decrease of the squared residuals below which the next weight is used."""
 
-MOST_STEPS: Final = 80
+MOST_STEPS = 80
 """Limit on the steps from one die."""
 
 

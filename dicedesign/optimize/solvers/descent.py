@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -101,29 +101,29 @@ def _same_edges(a: ConvexHull, b: ConvexHull) -> bool:
     return len(a.vertices) == len(b.vertices) and all(np.array_equal(*pair) for pair in pairs)
 
 
-FIRST_STEP: Final = 0.02
+FIRST_STEP = 0.02
 """Step length without a known curvature."""
 
-SMALLEST_GUESS: Final = 1e-8
+SMALLEST_GUESS = 1e-8
 """Least first step length of a search."""
 
-SMALLEST_STEP: Final = 1e-9
+SMALLEST_STEP = 1e-9
 """Least step length of backtracking, for a direction clipped to size 1."""
 
-LARGEST_STEP: Final = 10.0
+LARGEST_STEP = 10.0
 """Largest first step length of a search."""
 
-LARGEST_MOVE: Final = 0.1
+LARGEST_MOVE = 0.1
 """Largest change of any parameter in one step."""
 
-LARGEST_SLOPE: Final = 1e100
+LARGEST_SLOPE = 1e100
 """Largest entry of a usable gradient, whose square must be finite."""
 
-SUFFICIENT_DECREASE: Final = 1e-4
+SUFFICIENT_DECREASE = 1e-4
 """Armijo constant: least decrease of an accepted step, over the decrease by its slope or the whole
 energy."""
 
-MEMORY: Final = 5
+MEMORY = 5
 """Number of last energies, the worst of which is the reference of a step."""
 
 
@@ -197,28 +197,28 @@ class LineSearch:
         return float(np.clip(numerator / denominator, SMALLEST_GUESS, LARGEST_STEP))
 
 
-LENGTH: Final = 0.004
+LENGTH = 0.004
 """Length of the first steps: root mean square change of the parameters, for an even slope."""
 
-DIRECTION_MEMORY: Final = 0.9
+DIRECTION_MEMORY = 0.9
 """Decay of the mean direction per step."""
 
-SCALE_MEMORY: Final = 0.99
+SCALE_MEMORY = 0.99
 """Decay of the mean square per step."""
 
-LARGEST: Final = 5.0
+LARGEST = 5.0
 """Limit on the entries of a direction, in units of the root mean square."""
 
-SHORTER: Final = 0.5
+SHORTER = 0.5
 """Factor on the length after a refused step."""
 
-SHORTEST: Final = 0.02
+SHORTEST = 0.02
 """Least product of the factors."""
 
-LONGER: Final = 1.1
+LONGER = 1.1
 """Factor on the length after an accepted step, while the product is below 1."""
 
-MOST_REFUSED: Final = 12
+MOST_REFUSED = 12
 """Limit on successive refused steps."""
 
 

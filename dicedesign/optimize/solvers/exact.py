@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -40,14 +39,14 @@ from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import FILE_PROBABILITIES
 
-MOST_IMPROVEMENTS: Final = 100
+MOST_IMPROVEMENTS = 100
 """Limit on the steps by preferences."""
 
-MOST_TOO_SMALL: Final = 12
+MOST_TOO_SMALL = 12
 """Limit on the starts that reach the probabilities, but have too small a circle: hardly any die of
 these probabilities has larger ones then."""
 
-MOST_EMPTY_TURNS: Final = 600
+MOST_EMPTY_TURNS = 600
 """Limit on the turns of a search that find no start: about a minute."""
 
 
@@ -320,9 +319,9 @@ class ExactSearch:
         )
 
 
-TRIALS: Final = 4
+TRIALS = 4
 
-ROUNDED: Final = float(np.finfo(np.float32).eps) / 2.0
+ROUNDED = float(np.finfo(np.float32).eps) / 2.0
 """Largest relative error of a coordinate in single precision."""
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 import torch
@@ -23,51 +22,51 @@ from dicedesign.optimize.preferences import OutcomeFacets, Preferences, preferen
 from dicedesign.optimize.solvers.candidate import Candidate, CandidateMaker
 from dicedesign.runtime.arrays import Floats
 
-SHORTFALL: Final = 0.2
+SHORTFALL = 0.2
 """Relative lack of a circle's radius that is a residual of 1."""
 
-ROOM: Final = 1.01
+ROOM = 1.01
 """Factor on the least radius below which a circle has a residual."""
 
-LARGEST_MOVE: Final = 0.15
+LARGEST_MOVE = 0.15
 """Largest change of a parameter along the manifold in one step."""
 
-MOST_ROWS: Final = 600
+MOST_ROWS = 600
 """Largest number of residuals whose Jacobian is computed."""
 
-RANK: Final = 1e-9
+RANK = 1e-9
 """Singular values of the Jacobian of the probabilities that count as zero. Parameters are about 1;
 probabilities sum to 1, and symmetry may make more of them depend on each other, or all."""
 
-DAMPING: Final = 1.0
+DAMPING = 1.0
 """Damping of the first Gauss-Newton matrix of BFGS, in units of its mean eigenvalue."""
 
-SUFFICIENT: Final = 1e-4
+SUFFICIENT = 1e-4
 """Armijo constant: least decrease of an accepted step, over the decrease by its slope."""
 
-SHORTER: Final = 0.4
+SHORTER = 0.4
 """Ratio of successive step lengths in a line search."""
 
-MOST_LENGTHS: Final = 12
+MOST_LENGTHS = 12
 """Limit on the step lengths in a line search."""
 
-MOST_CORRECTIONS: Final = 6
+MOST_CORRECTIONS = 6
 """Limit on the Newton steps back to the manifold."""
 
-CONVERGING: Final = 0.3
+CONVERGING = 0.3
 """Largest ratio of the errors before and after a Newton step; above it the move is too long."""
 
-CURVED: Final = 1e-10
+CURVED = 1e-10
 """Least cosine between a step and the change of the gradient for an update of the Hessian."""
 
-SLOW: Final = 5e-4
+SLOW = 5e-4
 """Relative decrease of the sum of squares below which a step is slow."""
 
-PATIENCE: Final = 5
+PATIENCE = 5
 """Limit on successive slow steps."""
 
 
-BARRIER_DEPTH: Final = 0.01
+BARRIER_DEPTH = 0.01
 """Depth of a facet, over the mean distance of the vertices, at which its barrier is 1."""
 
 

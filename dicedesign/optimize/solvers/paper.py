@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -36,10 +35,10 @@ from dicedesign.rest.poses import RestPoses, analyze
 from dicedesign.results.parts import Status
 from dicedesign.runtime.arrays import Floats, Integers
 
-MAX_LINE_SEARCH_STEPS: Final = 300
+MAX_LINE_SEARCH_STEPS = 300
 """Limit on the steps of a line search after steps with momentum."""
 
-STALL: Final = (60, 0.02)
+STALL = (60, 0.02)
 """A line search stalls when, of this number of steps, the second half lowers the energy by less
 than this part."""
 
@@ -103,7 +102,7 @@ def solve_paper(
     return finish_exactly(result, target, options, evaluator.center_of_mass, log, outcome_of)
 
 
-FADES: Final = {
+FADES = {
     "barycenter": (0.4, 0.9, 0.0),
     "neighbor": (0.4, 0.9, 0.0),
     "hold": (0.4, 0.9, 0.2),
@@ -113,25 +112,25 @@ FADES: Final = {
 """For weights and options that fade: the parts of the steps with momentum at which they begin and
 cease to fall, along half a cosine, and the factor that remains."""
 
-FADE_STEPS: Final = 5
+FADE_STEPS = 5
 """Steps with momentum between two changes of the weights."""
 
-GOOD_ERROR: Final = 2e-3
+GOOD_ERROR = 2e-3
 """Largest |p - q| of a shape that is not improved any further."""
 
-GOOD_ANGLE: Final = np.radians(12.0)
+GOOD_ANGLE = np.radians(12.0)
 """Least angle between two outcomes of such a shape."""
 
-HOP_STEPS: Final = 4 / 9
+HOP_STEPS = 4 / 9
 """Steps with momentum of such a try, as a part of those of the first try."""
 
-HOP_NOISE: Final = 0.03
+HOP_NOISE = 0.03
 """Standard deviation of the noise of the first hop; the half extent of the start is 1."""
 
-HOP_GROWTH: Final = 1.6
+HOP_GROWTH = 1.6
 """Factor on the noise from one hop to the next."""
 
-FEW_VERTICES: Final = 40
+FEW_VERTICES = 40
 """A hop from a shape with fewer vertices adds the middles of its edges: a tetrahedron, for one, has
 too few numbers for most targets."""
 
@@ -292,25 +291,25 @@ class _Descent:
         self.log.record(current.energy.terms, current.error, current)
 
 
-ABSORBED: Final = (0.0, 1.0, 3.0, 6.0, 10.0, 15.0)
+ABSORBED = (0.0, 1.0, 3.0, 6.0, 10.0, 15.0)
 """Angles in degrees within which facets near the facet of an outcome are merged with it, tried one
 after the other."""
 
-SAME_FACET: Final = 2.0
+SAME_FACET = 2.0
 """Angle in degrees within which the rests of an outcome are always merged."""
 
-SUNK: Final = 0.97
+SUNK = 0.97
 """Height of a half-space for an outcome without a rest, over the height of the shape."""
 
-REPAIRING: Final = EnergyWeights(
+REPAIRING = EnergyWeights(
     coplanar=0.0, barycenter=0.0, neighbor=0.0, hold=0.1, hold_margin=0.03, clear=0.1
 )
 """Weights of a descent to a shape with one rest for each outcome and no other."""
 
-MOST_REPAIRS: Final = 150
+MOST_REPAIRS = 150
 """Limit on the steps of this descent."""
 
-KEPT_ANGLE: Final = 0.35
+KEPT_ANGLE = 0.35
 """Least angle between two outcomes, in radians (20 degrees), that the exact method tries to
 keep."""
 

@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -45,36 +44,36 @@ def shape_measures(die: DesignResult, center: Floats | None) -> Floats:
     return np.concatenate([hull.normals[facets].ravel(), np.log(distances / distances.mean())])
 
 
-COMMON: Final = 0.4
+COMMON = 0.4
 """Prior standard deviation of the logarithm of an outcome's probability over that in the model."""
 
-BY_TABLE: Final = (0.01, 0.03, 0.1)
+BY_TABLE = (0.01, 0.03, 0.1)
 """Candidates for the standard deviation of its change with each measure of the table."""
 
-BY_SHAPE: Final = ((0.2, 0.02), (0.2, 0.05), (0.8, 0.02), (0.8, 0.1))
+BY_SHAPE = ((0.2, 0.02), (0.2, 0.05), (0.8, 0.02), (0.8, 0.1))
 """Candidates for the standard deviations of its change with each measure of the die, and of the
 part that is independent for each die."""
 
-LEAST_GROWTH: Final = 0.25
+LEAST_GROWTH = 0.25
 """Least number of throws of a round, per throw of all rounds before."""
 
-AIM: Final = 0.65
+AIM = 0.65
 """Expected deviation that ends the rounds, over `within`."""
 
-TRIED: Final = 4
+TRIED = 4
 """Throws of the die that ends the rounds, per throw of the first round; after fewer it may only be
 lucky."""
 
-MOST_TURNS: Final = 4
+MOST_TURNS = 4
 """Limit on the designs of one round."""
 
-FARTHEST: Final = 1.0
+FARTHEST = 1.0
 """Longest step of a later design, over the step of the first one."""
 
-EXACT: Final = 0.1
+EXACT = 0.1
 """Known deviation that a design may leave, over `within`."""
 
-MOST_HALVINGS: Final = 4
+MOST_HALVINGS = 4
 """Limit on how often a correction without a die is halved."""
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -34,22 +34,22 @@ from dicedesign.rest.prior import Prior
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import BALANCED_PROBABILITIES, FILE_PROBABILITIES
 
-MOST_ROUNDS: Final = 6
+MOST_ROUNDS = 6
 """Limit on the objects that are made and measured after the first; labels alone need three."""
 
-SLOW: Final = 0.3
+SLOW = 0.3
 """Largest ratio of the errors after and before two rounds."""
 
-NUDGES: Final = (0.0, 1e-7, 1e-5, 1e-3, 1e-2)
+NUDGES = (0.0, 1e-7, 1e-5, 1e-3, 1e-2)
 """Sizes of random changes of the parameters of a shape, tried in order until one leads to the
 probabilities: a tied shape, which may be symmetric, has no derivatives, and a thrown one has
 kinks."""
 
-FOLD: Final = float(np.radians(2.0))
+FOLD = float(np.radians(2.0))
 """Angle between two facets, in radians, below which they move together. If one of two planes that
 almost coincide turns, the edge between them moves far, and a label with it."""
 
-RANK: Final = 1e-8
+RANK = 1e-8
 """Relative singular values below which differences between guesses are ignored."""
 
 
@@ -221,26 +221,26 @@ def largest_move(before: ConvexHull, after: ConvexHull) -> float:
     return float(np.abs(heights - after.heights(np.zeros(3))[facets]).max())
 
 
-STEP: Final = 1e-6
+STEP = 1e-6
 """Stretch of the difference quotients."""
 
-MOST_STEPS: Final = 20
+MOST_STEPS = 20
 """Limit on the Newton steps from one stretch."""
 
-LENGTHS: Final = (0.0, *np.geomspace(3e-4, 1e-2, 31).tolist())
+LENGTHS = (0.0, *np.geomspace(3e-4, 1e-2, 31).tolist())
 """Sizes of random first stretches, tried in order until one leads to the probabilities. With many
 corners these jump where a facet becomes a rest, which may be in the way."""
 
-MOST_STRETCH: Final = 0.03
+MOST_STRETCH = 0.03
 """Limit on the relative stretch along an axis, so that the shape is kept."""
 
-GAINED: Final = 0.5
+GAINED = 0.5
 """Largest ratio of the errors of a better stretch and the best before."""
 
-SHORTER: Final = 0.5
+SHORTER = 0.5
 """Ratio of successive step lengths."""
 
-STRETCH_RANK: Final = 1e-6
+STRETCH_RANK = 1e-6
 """Relative singular values below which a direction changes nothing, such as the size."""
 
 

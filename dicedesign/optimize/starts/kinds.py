@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dicedesign.geometry.meshes.body import Body
 
 
-MOST_HELPERS: Final = 60
+MOST_HELPERS = 60
 
 
 @dataclass(frozen=True)
@@ -86,10 +86,10 @@ def _shapes() -> ModuleType:
     return shapes
 
 
-FEWEST_SIDES: Final = 3
+FEWEST_SIDES = 3
 """Least number of rests of shapes that do not depend on the target."""
 
-HENDECAHEDRON_FACETS: Final = 11
+HENDECAHEDRON_FACETS = 11
 
 
 def _check_sides(outcomes: int) -> None:
@@ -159,7 +159,7 @@ def _search(
     return shapes_near(target, seed, options.helpers, group)
 
 
-PRISM: Final = StartKind(
+PRISM = StartKind(
     name="prism",
     line="a prism with pointed caps, one side for each outcome in order around the axis",
     options=PrismOptions,
@@ -167,7 +167,7 @@ PRISM: Final = StartKind(
     make=lambda prism, task: _shapes().prism(task.outcomes, prism.height, prism.cap),
 )
 
-HENDECAHEDRON: Final = StartKind(
+HENDECAHEDRON = StartKind(
     name="hendecahedron",
     line="a body of eleven facets, `bisymmetric` or `circus`, for the total of two dice",
     options=Literal["bisymmetric", "circus"],
@@ -175,7 +175,7 @@ HENDECAHEDRON: Final = StartKind(
     make=lambda kind, task: _shapes().hendecahedron(kind),
 )
 
-REPULSION: Final = StartKind(
+REPULSION = StartKind(
     name="repulsion",
     line="facets tangent to a sphere at points that repel each other, one for each outcome",
     options=RepulsionOptions,
@@ -183,7 +183,7 @@ REPULSION: Final = StartKind(
     make=lambda options, task: _shapes().repulsion(task.outcomes, task.seed),
 )
 
-MESH: Final = StartKind(
+MESH = StartKind(
     name="mesh",
     line="the convex hull of a mesh file, with outcomes on its most probable rests; "
     "`method: concave` uses the surface itself",
@@ -192,7 +192,7 @@ MESH: Final = StartKind(
     surface=_mesh_surface,
 )
 
-SEARCH: Final = StartKind(
+SEARCH = StartKind(
     name="search",
     line="random shapes with probabilities near the target's, until one reaches it",
     options=SearchOptions,

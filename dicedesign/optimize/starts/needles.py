@@ -13,7 +13,7 @@ polyhedra, SIAM Review 11 (1969) 78-82, found the first body of this kind.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -21,43 +21,43 @@ from dicedesign.optimize.starts.shapes import start_with_probabilities
 from dicedesign.optimize.starts.start import Start
 from dicedesign.runtime.arrays import Floats, Integers
 
-HALF_LENGTHS: Final = (1.5, 15.0)
+HALF_LENGTHS = (1.5, 15.0)
 """Range of half the length of a needle, over the largest radius of its section."""
 
-LEADS: Final = (0.01, 0.08)
+LEADS = (0.01, 0.08)
 """Range of the angle, seen from the center, between the lower corner of a side that is no rest and
 the foot of the center on its line."""
 
-PARTS: Final = (0.4, 0.6)
+PARTS = (0.4, 0.6)
 """Range of the part of a basin before its rest."""
 
-CLOSING_PARTS: Final = (0.25, 0.75)
+CLOSING_PARTS = (0.25, 0.75)
 """Range of the part of the largest basin before its rest, which closes the section."""
 
-TURNS: Final = ((0.2, 0.8), (0.35, 1.4))
+TURNS = ((0.2, 0.8), (0.35, 1.4))
 """Ranges of the largest angle between consecutive corners, in the largest basin and in others."""
 
-LEAN: Final = 0.3
+LEAN = 0.3
 """Size of the random difference in the slopes of the two ends."""
 
-WIDEST: Final = 1.5
+WIDEST = 1.5
 """Largest angle between the foot of the center on the line of a side and the upper corner of the
 side."""
 
-THINNEST: Final = 0.02
+THINNEST = 0.02
 """Least length of the needle, over the length at its center of mass."""
 
-DRAWN: Final = 24
+DRAWN = 24
 """Limit on the needles tried, the shortest first."""
 
-CORRECTIONS: Final = 6
+CORRECTIONS = 6
 """Limit on the corrections of a section for the effect of the ends."""
 
-CLOSE: Final = (1e-3, 0.2)
+CLOSE = (1e-3, 0.2)
 """Largest difference in probabilities of a needle near the target: absolute, and over the smallest
 probability."""
 
-BISECTIONS: Final = 40
+BISECTIONS = 40
 """Bisections for the place of the first rest."""
 
 

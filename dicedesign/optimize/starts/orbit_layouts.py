@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import EQUAL_PROBABILITIES
 
-SAME: Final = 9
+SAME = 9
 """Decimal digits for comparing products of matrices."""
 
 
@@ -165,10 +164,10 @@ class OrbitLayouts:
         )
 
 
-FLAT: Final = 1e-6
+FLAT = 1e-6
 """Singular value of directions, over their number, below which they are in a plane."""
 
-DRAWS: Final = 8
+DRAWS = 8
 """Number of layouts that are tried; one that encloses a solid suffices."""
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -133,32 +133,32 @@ def _cone(facets: int, angle: float, rng: np.random.Generator) -> Floats:
     return np.column_stack([np.sin(angle) * around, np.full(facets, np.cos(angle))])
 
 
-EVEN_SHAPES: Final = 2
+EVEN_SHAPES = 2
 """Shapes of evenly spread facets that come first if equal probabilities are near the target."""
 
-FAR: Final = 0.3
+FAR = 0.3
 """Distance of probabilities, the root of their summed squared differences, above which a polyhedron
 is proposed only if there is nothing else."""
 
-DRAWN: Final = 30
+DRAWN = 30
 """Limit on the polyhedra drawn in each turn."""
 
-DRAWN_OUTCOMES: Final = 2000
+DRAWN_OUTCOMES = 2000
 """Limit on the outcomes of all polyhedra of a turn, unless it is one."""
 
-PROPOSED: Final = 2
+PROPOSED = 2
 """Limit on the polyhedra proposed in each turn."""
 
-REPULSION_STEPS: Final = 10
+REPULSION_STEPS = 10
 """Steps of repulsion between random facets."""
 
-UNEVENNESS: Final = 0.6
+UNEVENNESS = 0.6
 """Limit on the standard deviation of the logarithms of facet distances."""
 
-NEARNESS: Final = 1.5
+NEARNESS = 1.5
 """Limit on the logarithm of the factor by which a preferred facet is nearer."""
 
-STRETCH: Final = (-1.5, 1.0)
+STRETCH = (-1.5, 1.0)
 """Range of the logarithm by which a polyhedron is stretched along one axis."""
 
 
@@ -203,17 +203,17 @@ def nearest_first(
             yield pool.pop()[1] if pool else None
 
 
-EVEN_STEPS: Final = 200
+EVEN_STEPS = 200
 """Steps that spread the facets of even shapes."""
 
-MOST_HELPERS: Final = 2
+MOST_HELPERS = 2
 """Number of orbits without an outcome that are always possible; more if orbits are small."""
 
-CLEARANCE: Final = 0.03
+CLEARANCE = 0.03
 """Least depth of a facet: distance of the foot of the center of mass from the line of the nearest
 edge, over the circumscribed radius."""
 
-FLOOR_PROBABILITIES: Final = 0.3
+FLOOR_PROBABILITIES = 0.3
 """Least probability of an outcome on an orbit of one facet that may be the floor of a bowl."""
 
 
@@ -334,11 +334,11 @@ def _helpers(layouts: OrbitLayouts, facets: int, rng: np.random.Generator) -> li
     return sites
 
 
-FIRST_VARIATION: Final = 0.01
+FIRST_VARIATION = 0.01
 """Size of the first variation of a start: the standard deviation of normals and of logarithms of
 distances."""
 
-LARGEST_VARIATION: Final = 0.3
+LARGEST_VARIATION = 0.3
 """Limit of the size of variations."""
 
 

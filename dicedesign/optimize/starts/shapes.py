@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,7 +104,7 @@ def _circus() -> Start:
     return normalize_start(polyhedron_corners(directions, np.ones(11)), directions)
 
 
-HENDECAHEDRA: Final = {"bisymmetric": _bisymmetric, "circus": _circus}
+HENDECAHEDRA = {"bisymmetric": _bisymmetric, "circus": _circus}
 
 
 def hendecahedron(kind: str) -> Start:
@@ -120,7 +119,7 @@ def hendecahedron(kind: str) -> Start:
     return HENDECAHEDRA[kind]()
 
 
-REPULSION_STEPS: Final = 400
+REPULSION_STEPS = 400
 """Steps of gradient descent on the Coulomb energy."""
 
 
@@ -215,7 +214,7 @@ def start_with_probabilities(
     return normalize_start(points, hull.normals[facets[order]]), probabilities, bearing[order]
 
 
-ANYWHERE: Final = OrbitSite(np.eye(3), np.eye(3)[None])
+ANYWHERE = OrbitSite(np.eye(3), np.eye(3)[None])
 """Site of a facet without images."""
 
 

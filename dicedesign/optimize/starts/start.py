@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -115,7 +115,7 @@ class StartKind(Extension):
     surface: Callable[[Any, int], StartSurface] | None = None
 
 
-STARTS: Final = Registry(
+STARTS = Registry(
     "start",
     StartKind,
     builtin=(
@@ -152,7 +152,7 @@ def build_start(name: str, options: Any, task: Task) -> Start | None:
     return start
 
 
-FEWEST_FACETS: Final = 4
+FEWEST_FACETS = 4
 """Least number of facets of a polyhedron."""
 
 
