@@ -211,10 +211,11 @@ class Check:
         with self.step("the examples, from the README's first installation"):
             self.call(
                 """
-                .venv/bin/python -c '
+                .venv/bin/python -P -c '
                 import runpy, sys
                 for path in sys.argv[1:]:
                     print("==", path, flush=True)
+                    sys.argv = [path]
                     runpy.run_path(path, run_name="__main__")
                 ' $(ls examples/*.py | grep -v _engine.py)
                 """.replace("                ", "")

@@ -9,7 +9,6 @@ jobs. The picture has run times over 10 to 1,000,000 points on a sphere (1,000 w
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -289,19 +288,17 @@ def wall_seconds(arguments: tuple[str, ...], folder: Path) -> float:
     return time.perf_counter() - start
 
 
-def peak_memory(work: str) -> float | None:
+def peak_memory(work: str) -> float:
     """Megabytes that a process held at most for a work with many points."""
     code = (
-        "import json; from scipy.spatial import ConvexHull; from dicedesign import rest_poses\n"
-        "from dicedesign.runtime.clock import peak_megabytes\n"
+        "import resource; from scipy.spatial import ConvexHull; from dicedesign import rest_poses\n"
         "import numpy as np\n"
         f"points = np.random.default_rng(0).normal(size=({MEMORY_POINTS}, 3))\n"
         "points /= np.linalg.norm(points, axis=1, keepdims=True); rest_poses(points[:20])\n"
-        f"{work}\nprint(json.dumps(peak_megabytes()))"
+        f"{work}\nprint(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-    megabytes: float | None = json.loads(done.stdout)
-    return megabytes
+    return float(done.stdout)
 
 
 def draw(sizes: list[int], process: Watched) -> Any:

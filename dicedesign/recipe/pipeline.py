@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import hashlib
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import ROUND_CEILING, Context
@@ -33,7 +34,6 @@ from dicedesign.results.result import (
     StageTime,
 )
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.runtime.clock import Clock
 from dicedesign.runtime.registry import Extension, Registry
 from dicedesign.runtime.workers import one_tensor_thread
 from dicedesign.throws.engines import CONTACT_LAW
@@ -59,7 +59,7 @@ class Work:
     enlarge: if the labels do not fit at the recipe's size, enlarge the die.
     resume: resume an interrupted search from its checkpoint.
     checkpoint: throws of a die for a table that are finished.
-    clock: run times and memory of the stages.
+    stages: run times of the stages.
     start, surface: initial shape or surface; None for both if shapes are searched.
     repaired: repaired mesh of the surface, if it needed repair.
     die: designed die; solid: the die in mm; plain: assessment of its file. Set by their stages.
@@ -80,7 +80,7 @@ class Work:
     enlarge: bool = False
     resume: bool = False
     checkpoint: Checkpoint = field(default_factory=Checkpoint)
-    clock: Clock = field(init=False)
+    stages: list[StageTime] = field(default_factory=list)
     start: Start | None = None
     surface: Surface | None = None
     repaired: RepairedMesh | None = None
@@ -107,14 +107,10 @@ class Work:
     images: dict[str, bytes] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        self.clock = Clock(on_stage=self.callbacks.on_stage)
-
     def copy(self) -> Work:
         """Independent copy for further stages."""
         twin = copy.copy(self)
-        twin.clock = dataclasses.replace(self.clock, stages=list(self.clock.stages))
-        for name in ("remarks", "notes", "extra", "images", "files"):
+        for name in ("stages", "remarks", "notes", "extra", "images", "files"):
             setattr(twin, name, copy.copy(getattr(self, name)))
         return twin
 
@@ -238,8 +234,7 @@ class Work:
             infill=self.infill,
             extra=self.extra,
             files=files,
-            stages=tuple(StageTime(**stage) for stage in self.clock.stages),
-            peak_since=self.clock.peak_since,
+            stages=tuple(self.stages),
             folder=self.folder,
             **plain.as_fields(),
         )
@@ -418,8 +413,10 @@ def run_stages(work: Work, *, after: str | None = None, last: str | None = None)
     end = len(stages) if last is None else stages.index(STAGES[last]) + 1
     for stage in stages[first:end]:
         if stage.wanted(work):
-            with work.clock.stage(stage.name):
-                (resolve_name(stage.run) if isinstance(stage.run, str) else stage.run)(work)
+            work.callbacks.on_stage(stage.name)
+            started = time.perf_counter()
+            (resolve_name(stage.run) if isinstance(stage.run, str) else stage.run)(work)
+            work.stages.append(StageTime(stage.name, round(time.perf_counter() - started, 4)))
 
 
 def run(

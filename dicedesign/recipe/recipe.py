@@ -218,7 +218,7 @@ class Recipe(Strict):
     print: printer and material, or None to skip the check of printability.
     files: file formats of the die; STL is always included.
     figures: whether to draw figures. report: whether to make the report page.
-    clock: whether to record run times and memory; without them, and unless a time limit is reached,
+    clock: whether to record run times; without them, and unless a time limit is reached,
         the files of a recipe are always identical byte for byte.
     """
 

@@ -231,12 +231,10 @@ class InfillProbabilities:
 
 @dataclass(frozen=True)
 class StageTime:
-    """Wall-clock seconds of a stage, and peak memory of the process in 10^6 bytes; None if the
-    system does not report it."""
+    """Wall-clock seconds of a stage."""
 
     name: str
     seconds: float
-    peak_mb: float | None
 
 
 @dataclass(frozen=True)
@@ -270,8 +268,7 @@ class Result:
     notes: repairs and assumptions, one sentence each.
     extra: plain data by name, from stages outside the package.
     files: file names by kind; sha256: hexadecimal checksum of each file but result.json, by name.
-    stages: run times and memory, empty without a clock; peak_since: "stage", or "start" if the
-        system reports peak memory since the start of the process only.
+    stages: run times, empty without a clock.
     folder: folder of the files, None if nothing was written; not in result.json.
     """
 
@@ -306,7 +303,6 @@ class Result:
     files: dict[str, str] = field(default_factory=dict)
     sha256: dict[str, str] = field(default_factory=dict)
     stages: tuple[StageTime, ...] = ()
-    peak_since: str = "start"
     folder: Path | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
@@ -375,7 +371,7 @@ class Result:
         return (self.folder or Path()) / self.files["die_plain"]
 
     def without_clock(self) -> Result:
-        """Copy without run times and memory, so that equal runs compare equal."""
+        """Copy without run times, so that equal runs compare equal."""
         history = tuple(dataclasses.replace(step, seconds=None) for step in self.history)
         search = None if self.search is None else self.search.without_clock()
         return dataclasses.replace(
@@ -383,7 +379,6 @@ class Result:
             history=history,
             search=search,
             stages=(),
-            peak_since="start",
         )
 
     def json_text(self) -> str:

@@ -59,8 +59,7 @@ def finished_box(**changes: Any) -> FinishedDie:
         asymmetry=0.1,
         history=HISTORY,
         design=Designed(0.1, {"dice": 1e-9, "smoothness & size": 0.25}),
-        stages=(StageTime("start", 0.5, 301.2), StageTime("design", 2.25, None)),
-        peak_since="stage",
+        stages=(StageTime("start", 0.5), StageTime("design", 2.25)),
         files={"die_plain": "die_plain.stl"},
         **verdict.as_fields(),
     )

@@ -26,6 +26,7 @@ from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.results.folder import read_result
 from dicedesign.results.parts import Status
+from dicedesign.results.result import StageTime
 
 STONE = np.random.default_rng(3).normal(size=(14, 3)) * 20.0 + [100.0, -30.0, 7.0]
 """Points of a body with more than four rests, away from the origin."""
@@ -63,7 +64,6 @@ def test_a_clock_times_stages_and_steps(tmp_path: Path) -> None:
     assert steps == list(range(len(steps)))
     assert [stage.name for stage in result.stages] == stages
     assert all(stage.seconds >= 0.0 for stage in result.stages)
-    assert all(50.0 < stage.peak_mb < 5000.0 for stage in result.stages)
     assert 0.0 <= result.history[0].seconds <= result.history[-1].seconds
     assert result.stages[stages.index("design")].seconds >= result.history[-1].seconds
 
@@ -152,8 +152,7 @@ def test_a_result_has_the_data_of_the_work() -> None:
         notes.append("more")
     for entries in (twin.extra, twin.files, twin.images):
         entries["more"] = b""
-    with twin.clock.stage("more"):
-        pass
+    twin.stages.append(StageTime("more", 0.1))
     assert work.result() == result
 
 
