@@ -1,8 +1,8 @@
-"""Charts of the course of a design, of rounds of throws, and of attempts and trials of searches."""
+"""Charts of the course of a design, of rounds of throws, and of attempts at a concave die."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 
@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator
 from numpy.polynomial import Polynomial
 
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT, PALE
+from dicedesign.palette import ACCENT, BASINS, DARK, DISTINCT, FAINT
 from dicedesign.report.bar_charts import LIMITS, put_legend_above
 from dicedesign.report.sheet import NOTE, Sheet, with_style
 from dicedesign.results.parts import Status
@@ -210,40 +210,6 @@ def hands_chart(die: FinishedDie) -> Sheet:
     return sheet
 
 
-Points = Sequence[tuple[float, float]]
-"""Positions (x, y) on axes."""
-
-
-def _scatter_sheet(x_label: str, y_label: str, title: str) -> tuple[Sheet, Axes]:
-    sheet = Sheet(1215.0, 740.0, grows=True)
-    axes = sheet.axes(130.0, 60.0, 1175.0, 645.0)
-    axes.set(xlabel=x_label, ylabel=y_label, title=title)
-    axes.grid()
-    return sheet, axes
-
-
-def _draw_groups(
-    axes: Axes,
-    groups: Iterable[tuple[str, Points, dict[str, Any]]],
-    numbered: Mapping[int, tuple[float, float]],
-) -> None:
-    """Draw groups of points, with a legend below, and write numbers beside points.
-
-    groups: name, points and style of each group; numbered: positions of points by their numbers; a
-    number that would cover an earlier one is left out.
-    """
-    for label, points, style in groups:
-        x, y = np.reshape(points, (-1, 2)).T
-        axes.plot(x, y, linestyle="", clip_on=False, label=label, **style)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
-    room, written = np.array([37.0, 21.0]), np.zeros((0, 2))
-    for number, point in numbered.items():
-        place = axes.transData.transform(point)
-        if not (np.abs(place - written) < room).all(axis=1).any():
-            written = np.vstack([written, place])
-            axes.annotate(str(number), point, (9, 6), textcoords="offset points", size=NOTE)
-
-
 @with_style
 def trade_off_chart(die: FinishedDie) -> Sheet:
     """Error against displacement of each draft of a concave die, and of the original surface.
@@ -254,11 +220,14 @@ def trade_off_chart(die: FinishedDie) -> Sheet:
     assert search is not None
     trade_off, chosen = search.trade_off, search.attempt
     drafts, level = trade_off.drafts, trade_off.tolerance
-    sheet, axes = _scatter_sheet(
-        "mean displacement (% of the diagonal)",
-        "error, max |p − q| or elsewhere",
-        "smaller is better in both",
+    sheet = Sheet(1215.0, 740.0, grows=True)
+    axes = sheet.axes(130.0, 60.0, 1175.0, 645.0)
+    axes.set(
+        xlabel="mean displacement (% of the diagonal)",
+        ylabel="error, max |p − q| or elsewhere",
+        title="smaller is better in both",
     )
+    axes.grid()
     errors = np.array([level, die.result.error_before, *(draft.error for draft in drafts)])
     low = _set_log_heights(axes, errors, ZERO_ERROR)
     heights = np.where(errors > ZERO_ERROR, errors, low).tolist()
@@ -269,11 +238,14 @@ def trade_off_chart(die: FinishedDie) -> Sheet:
     axes.set_xlim(-0.03 * right, right)
     _draw_tolerance(axes, level)
     hollow: dict[str, Any] = {"color": DARK, "mfc": "white", "mew": 2.0}
+
+    def draw(label: str, points: Sequence[tuple[float, float]], **style: Any) -> None:
+        x, y = np.reshape(points, (-1, 2)).T
+        axes.plot(x, y, linestyle="", clip_on=False, label=label, **style)
+
     this = [places[attempt] for attempt in places if attempt == chosen]
-    groups: list[tuple[str, Points, dict[str, Any]]] = [
-        ("this die", this, {"marker": "o", "ms": 28.0, **hollow}),
-        ("the original surface", [(0.0, heights[1])], {"marker": "*", "ms": 20.0, **hollow}),
-    ]
+    draw("this die", this, marker="o", ms=28.0, **hollow)
+    draw("the original surface", [(0.0, heights[1])], marker="*", ms=20.0, **hollow)
     worst = {draft.attempt: next(trade_off.flaws(draft), None) for draft in drafts}
     for status, name, color, marker, size in (
         (None, "as wanted", ACCENT, "o", 13.0),
@@ -285,55 +257,14 @@ def trade_off_chart(die: FinishedDie) -> Sheet:
     ):
         group = [places[attempt] for attempt in worst if worst[attempt] is status]
         style = {"color": color, "marker": marker, "ms": size, "mew": 3.0 if marker == "x" else 1.0}
-        groups.append((f"{name} ({len(group)})", group, style))
-    # The die itself is numbered first.
-    numbered = dict(sorted(places.items(), key=lambda item: item[0] != chosen))
-    _draw_groups(axes, [group for group in groups if group[1]], numbered)
-    return sheet
-
-
-@with_style
-def pareto_chart(
-    trials: Sequence[Mapping[str, Any]], front: Collection[int], named: Sequence[int]
-) -> Sheet:
-    """Momentum margin against the smallest inscribed circle, for each die of a sweep.
-
-    Parameters
-    ----------
-    trials: mappings with "number", "status" ("converged" or another), "inradius_mm" and
-        "margin_deg", both at least 0, or both None without a die; such trials are only counted.
-    front: numbers of converged trials on the Pareto front, which are joined by steps.
-    named: numbers of converged trials to write beside their points, the most important first; one
-        that would cover an earlier one is left out.
-    """
-    measured = [trial for trial in trials if trial["inradius_mm"] is not None]
-    places = {t["number"]: (t["inradius_mm"], t["margin_deg"]) for t in measured}
-    missed = [t["number"] for t in measured if t["status"] != "converged"]
-    best = [number for number in places if number in front]
-    beaten = [number for number in places if number not in {*missed, *best}]
-    sheet, axes = _scatter_sheet(
-        "radius of the smallest inscribed circle (mm)",
-        "momentum margin (°)",
-        "larger is better in both",
-    )
-    axes.margins(0.08)
-    axes.update_datalim(np.reshape(list(places.values()), (-1, 2)))
-    axes.autoscale_view()
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    axes.set(xlim=(max(left, 0.0), right), ylim=(max(bottom, 0.0), top))
-    if best:
-        radii, margins = np.array(sorted((places[k] for k in best), key=lambda place: -place[1])).T
-        x, y = [axes.get_xlim()[0], *np.repeat(radii, 2)], [*np.repeat(margins, 2), 0.0]
-        axes.plot(x, y, color=ACCENT, linewidth=2.5)
-    groups: list[tuple[str, Points, dict[str, Any]]] = [
-        (f"{name} ({len(numbers)})", [places[k] for k in numbers], style)
-        for numbers, name, style in (
-            (missed, "not converged", {"color": FAINT, "marker": "x", "mew": 3.0}),
-            (beaten, "converged", {"color": PALE, "marker": "o", "ms": 13.0}),
-            (best, "Pareto front: no die beats it in both", {"color": ACCENT, "marker": "o"}),
-        )
-    ]
-    if len(trials) > len(measured):
-        groups.append((f"nothing to measure ({len(trials) - len(measured)})", [], {}))
-    _draw_groups(axes, groups, {number: places[number] for number in named})
+        if group:
+            draw(f"{name} ({len(group)})", group, **style)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
+    # The die itself is numbered first; a number that would cover an earlier one is left out.
+    room, written = np.array([37.0, 21.0]), np.zeros((0, 2))
+    for number, point in sorted(places.items(), key=lambda item: item[0] != chosen):
+        place = axes.transData.transform(point)
+        if not (np.abs(place - written) < room).all(axis=1).any():
+            written = np.vstack([written, place])
+            axes.annotate(str(number), point, (9, 6), textcoords="offset points", size=NOTE)
     return sheet

@@ -293,7 +293,6 @@ def sweep_page(
     rows: Sequence[Mapping[str, Any]],
     keys: Sequence[str],
     solids: Mapping[str, tuple[Surface, Floats]],
-    chart: bytes,
 ) -> str:
     """HTML of the dice of a sweep, side by side.
 
@@ -301,7 +300,6 @@ def sweep_page(
     ----------
     name: of the recipe. rows: of sweep.csv. keys: columns of the varied keys.
     solids: surface in mm and direction upward (3,) of each die that was made, by its folder.
-    chart: PNG of `dicedesign.report.curve_charts.pareto_chart`.
     """
     pictures = {folder: _small_picture(*solid) for folder, solid in solids.items()}
     return _table_page(
@@ -310,7 +308,6 @@ def sweep_page(
         rows=rows,
         keys=keys,
         pictures=pictures,
-        chart=chart,
     )
 
 

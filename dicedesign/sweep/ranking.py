@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from dicedesign.geometry.meshes.reading import read_stl
-from dicedesign.report.curve_charts import pareto_chart
 from dicedesign.report.pages import sweep_page
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import Result
@@ -37,9 +36,6 @@ COLUMNS = (
     "message",
 )
 """Columns of sweep.csv, before the columns of the varied keys."""
-
-NAMED_IN_CHART = 10
-"""Number of dice whose ranks are written into the chart."""
 
 Row = dict[str, Any]
 """Row of sweep.csv, by column."""
@@ -123,15 +119,9 @@ def write_sweep(
         rows.append(row)
     ranked = rank_rows(rows)
     keys = list(next(iter(combinations.values())).varied)
-    made = [row for row in ranked if row["folder"] in solids]
-    chart = pareto_chart(
-        [row | {"number": number} for number, row in enumerate(made, start=1)],
-        [row["rank"] for row in made if row["on_front"]],
-        [row["rank"] for row in made[:NAMED_IN_CHART] if row["rank"] and row["inradius_mm"]],
-    )
     files = {
         TABLE: _csv_text([*COLUMNS, *keys], ranked),
-        PAGE: sweep_page(title, ranked, keys, solids, chart.png()),
+        PAGE: sweep_page(title, ranked, keys, solids),
     }
     write_files({folder / name: text.encode("utf-8") for name, text in files.items()})
     return ranked

@@ -83,7 +83,7 @@ def on_table(**entries: Any) -> dict[str, Any]:
     [
         (
             {},
-            ["max |p - q| is 0.1 & more", "(0.000, 1.500, -2.000) mm", "die_plain.stl", "301.2"],
+            ["max |p - q| is 0.1 & more", "(0.000, 1.500, -2.000) mm", "die_plain.stl", "2.25"],
             ["On the table", "Measures", "Notes", "Quality of the surface", "Attempts"],
         ),
         (

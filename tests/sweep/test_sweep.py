@@ -15,13 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from common.drawings import is_whole
 from common.inline_executor import Inline, Lossy
 from common.parsed_html import parse_page
 from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
-from dicedesign.report.curve_charts import pareto_chart
 from dicedesign.runtime import workers
 from dicedesign.sweep.dice import combine
 from dicedesign.sweep.ranking import pareto_front, rank_rows
@@ -217,20 +215,3 @@ def test_the_order_and_the_front_against_brute_force(seed: int) -> None:
         beaten = any(r >= radius and m >= margin and (r, m) != (radius, margin) for r, m in points)
         assert row["on_front"] == (not beaten)
     assert pareto_front(np.ones((2, 3))).tolist() == [True, True]
-
-
-def test_the_chart_distinguishes_kinds_of_dice() -> None:
-    ranked = rank_rows(make_rows(0))
-    front = [row["number"] for row in ranked if row["on_front"]]
-    sheet = pareto_chart(ranked, front, [row["number"] for row in ranked[:10]])
-    (axes,) = sheet.figure.axes
-    steps, *groups = axes.lines
-    kinds = [row["status"] for row in ranked]
-    missed, converged, best = (len(group.get_xdata()) for group in groups[:3])
-    assert (missed, best) == (kinds.count("no_progress"), len(front))
-    assert converged + best == kinds.count("converged")
-    # The steps are an upper bound of all dice.
-    x, y = np.asarray(steps.get_xydata()).T
-    for row in ranked[: converged + best]:
-        assert row["margin_deg"] <= y[np.searchsorted(x, row["inradius_mm"])]
-    assert is_whole(sheet)
