@@ -55,9 +55,10 @@ SLICER = ("prusa-slicer is not installed", "tests/test_data.py::test_of_slices")
     ("option", "required"),
     [
         ([], ()),
-        (["--require-public-data"], (DATA,)),
-        (["--require-slicer"], (SLICER,)),
-        (["--require-browser"], (BROWSER,)),
+        (
+            ["--require-public-data", "--require-slicer", "--require-browser"],
+            (DATA, SLICER, BROWSER),
+        ),
     ],
 )
 def test_missing_public_data_is_named(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dicedesign.errors import EngravingError, InputError, LabelRoomError
+from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import (
     LabelPlace,
@@ -140,21 +140,6 @@ def test_the_advised_size_is_the_least(box):
     assert min(heights) >= OPTIONS.min_height_mm
     with pytest.raises(LabelRoomError, match=f"{advised:.1f}"):
         place((advised - 0.11) / body.size_mm)
-
-
-@pytest.mark.parametrize(
-    ("values", "named"),
-    [
-        ({"margin_mm": -1.0}, "margin_mm"),
-        ({"font": " "}, "font"),
-        ({"upright": "down"}, "upright: .*down"),
-        ({"upright": (0.0, 0.0, 0.0)}, "not all 0"),
-        ({"max_height_mm": 2.0}, "max_height_mm: .*2.5, got 2.0"),
-    ],
-)
-def test_invalid_options_are_refused(values, named):
-    with pytest.raises(InputError, match=named):
-        EngravingOptions(**values)
 
 
 # Ways to read a die.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from common.drawings import color_mask, is_whole
+from common.drawings import is_whole
 from common.finished import finished_box
 from common.made_up_die import run_to_check, run_to_design
 from matplotlib.patches import Patch
@@ -26,8 +26,7 @@ from dicedesign.optimize.targets import Target
 from dicedesign.palette import ACCENT, BASINS, repeat, rgb
 from dicedesign.recipe.output import make_finished_die
 from dicedesign.recipe.pipeline import Work, run_stages
-from dicedesign.report import solid_figures, surface_figures
-from dicedesign.report.raster import Camera, three_cameras
+from dicedesign.report import solid_figures
 from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.sheet import Sheet
 from dicedesign.report.solid_figures import (
@@ -41,10 +40,7 @@ from dicedesign.report.surface_figures import (
     before_after_figure,
     crossings,
     displacement,
-    hull,
     rests,
-    rows_of_views,
-    surface_of,
 )
 from dicedesign.runtime.arrays import Floats
 from tests.reference.solids import PLATONIC
@@ -191,28 +187,6 @@ def dumbbell() -> trimesh.Trimesh:
     )
 
 
-@pytest.mark.parametrize("up", [*np.eye(3), *-np.eye(3), np.array([1.0, 2.0, 1.0])])
-def test_three_cameras_look_from_around_and_above_and_see_everything(up: np.ndarray) -> None:
-    points = np.random.default_rng(0).normal(size=(200, 3)) * [3, 1, 1] + [5, 0, 0]
-    cameras = three_cameras(points, up)
-    up = up / np.linalg.norm(up)
-    directions = np.array([camera.direction for camera in cameras])
-    np.testing.assert_allclose(directions @ up, np.sin(np.radians(15.0)))
-    flat = directions - np.outer(directions @ up, up)
-    cosines = flat @ flat.T / np.cos(np.radians(15.0)) ** 2
-    np.testing.assert_allclose(cosines[~np.eye(3, dtype=bool)], -0.5)
-    assert len({camera.half_width for camera in cameras}) == 1
-    largest = 0.0
-    for camera in cameras:
-        frame = camera.frame()
-        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
-        assert frame[1] @ up > 0.9
-        places = camera.pixel_positions(points, 100)[:, :2]
-        np.testing.assert_allclose(places.min(axis=0) + places.max(axis=0), 100.0)
-        largest = max(largest, float(np.ptp(places, axis=0).max()))
-    assert largest == pytest.approx(100.0 / 1.08)
-
-
 def test_before_and_after_are_drawn_at_one_scale() -> None:
     mesh = dumbbell()
     before = np.asarray(mesh.vertices)
@@ -238,48 +212,6 @@ def reshaped_die(points: Any, triangles: Any, downs: np.ndarray, before: Any = N
     return replace(die, plain=plain, reshaped=concave, upward=UP)
 
 
-def clear(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw shells without tints."""
-    shell_of = surface_figures.shell_of
-
-    def clear_shell(die: FinishedDie) -> RenderMesh:
-        shell = shell_of(die)
-        return replace(shell, colors=np.full_like(shell.points, np.nan))
-
-    monkeypatch.setattr(surface_figures, "shell_of", clear_shell)
-
-
-def share_tinted(tinted: np.ndarray, plain: np.ndarray, color: np.ndarray) -> float:
-    """Of the pixels drawn in a picture of clear glass, those that tints bring near a color."""
-    drawn = (plain < 255).any(axis=2)
-    change = (tinted[drawn].astype(float) - plain[drawn]) / 255.0
-    wanted = color - plain[drawn] / 255.0
-    share = (change * wanted).sum(-1) / (wanted * wanted).sum(-1)
-    aside = np.linalg.norm(change - share[:, None] * wanted, axis=1)
-    return float(((share > 0.4) & (aside < 0.05)).mean())
-
-
-def test_the_overlay_shows_the_hull_and_its_rests(monkeypatch: pytest.MonkeyPatch) -> None:
-    mesh = dumbbell()
-    die = reshaped_die(mesh.vertices, mesh.faces, np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
-    # One camera at each outcome's facet.
-    cameras = [Camera(down, np.array([1.0, 0, 0]), np.zeros(3), 1.5) for down in np.eye(3)[1:]]
-    monkeypatch.setattr(surface_figures, "three_cameras", lambda *_: cameras)
-    figure = hull(die)
-    colors = rgb(BASINS[:2])
-    for color in BASINS[:2]:
-        assert color_mask(figure, color)[-45:].sum() > 300
-    first, second = figure.pictures
-    clear(monkeypatch)
-    plain = hull(die).pictures
-    assert share_tinted(first, plain[0], colors[0]) > 0.9
-    assert share_tinted(second, plain[1], colors[1]) > 0.2
-    # The hull covers more than the surface alone.
-    bare = rows_of_views({"": surface_of(die)}, cameras[1:]).pictures[0]
-    assert (second < 255).any(axis=2).sum() > 1.1 * (bare < 255).any(axis=2).sum()
-    assert is_whole(figure)
-
-
 def test_displacement_is_written_in_percent_of_the_diagonal_and_colored() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     before = np.asarray(mesh.vertices)
@@ -297,24 +229,21 @@ def test_displacement_is_written_in_percent_of_the_diagonal_and_colored() -> Non
     assert is_whole(displacement(reshaped_die(before, mesh.faces, np.eye(3))))
 
 
-@pytest.mark.parametrize("count", [1, 6])
-def test_each_outcome_is_shown_lying_and_from_below(
-    count: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("count", [1, 4])
+def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
+    """The facet that it rests on is seen straight from below, in the outcome's color."""
     mesh = dumbbell()
     downs = np.concatenate([np.eye(3)[1:], -np.eye(3), np.eye(3)[:1]])[:count] * 7.0
     die = reshaped_die(mesh.vertices, mesh.faces, downs)
     shown = pictures_by_title(rests(die))
-    clear(monkeypatch)
-    plain = pictures_by_title(rests(die))
-    colors = rgb(repeat(BASINS, count))
+    hues = rgb(repeat(BASINS, count))
+    hues -= hues.mean(axis=1, keepdims=True)
     for k, p in enumerate(die.plain.outcomes.probabilities):
         assert f"${k}$: {100.0 * p:.2f} %" in shown
-        # The facet that it rests on is seen straight from below.
-        below = f"${k}$: underside"
-        shares = [share_tinted(shown[below], plain[below], color) for color in colors]
-        assert int(np.argmax(shares)) == k
-        assert shares[k] > 0.15
+        pixels = shown[f"${k}$: underside"].reshape(-1, 3).astype(float)
+        spread = np.ptp(pixels, axis=1)
+        colored = pixels[spread > 0.7 * spread.max()].mean(axis=0)
+        assert int(np.argmax(hues @ (colored - colored.mean()) / norms(hues))) == k
 
 
 def test_intersecting_triangles_are_red() -> None:

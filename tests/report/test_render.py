@@ -13,9 +13,7 @@ from dicedesign.report.raster import Camera, rasterize
 from dicedesign.report.renderer import (
     RenderMesh,
     brightness,
-    color_triangles,
     render,
-    render_shadow,
 )
 
 
@@ -118,57 +116,3 @@ def test_uncovered_pixels_show_the_backdrop() -> None:
     picture = render(RenderMesh(square(0.0), HALVES), FRONT, 90, backdrop=backdrop)
     np.testing.assert_array_equal(picture[:, 5, 1], np.rint(255.0 * backdrop[:, 5]))
     assert (picture[45, 45] > picture[45, 5]).all()
-
-
-def test_silhouettes_and_steps_are_outlined_and_edges_of_smooth_surfaces_are_not() -> None:
-    points = np.concatenate([square(0.0), square(0.5, 0.5)])
-    steps = RenderMesh(points, np.concatenate([HALVES, HALVES + 4]))
-    picture = render(steps, FRONT, 90).astype(int)
-    # Where the squares' borders are: 15 and 30 pixels from the left.
-    for border in (15, 30):
-        assert (picture[45, border] < picture[45, 45] - 40).all()
-    # The corner of a cube in the middle is outlined unless the cube is smooth.
-    box = trimesh.creation.box([2.0] * 3)
-    corner = replace(FRONT, direction=np.ones(3), up=UPRIGHT, half_width=2.0)
-    solid = RenderMesh(np.asarray(box.vertices), np.asarray(box.faces))
-    flat, smooth = (
-        render(replace(solid, smooth=each), corner, 90)[45, 45].max() for each in (False, True)
-    )
-    assert flat < 80 < 85 < smooth
-
-
-def glass(tinted: tuple[int, ...]) -> RenderMesh:
-    """Cube with tinted sides, toward -z or z."""
-    box = trimesh.creation.box([2.4] * 3)
-    tints = np.full((len(box.faces), 3), np.nan)
-    tints[np.isin(box.face_normals[:, 2], tinted)] = [0.0, 0.8, 0.0]
-    return color_triangles(np.asarray(box.vertices), np.asarray(box.faces), tints)
-
-
-def test_a_shell_tints_the_surface_behind_it() -> None:
-    surface = RenderMesh(square(0.0, 0.5), HALVES)
-    bare = render(surface, FRONT, 90).astype(int)
-    clear, near, far = (
-        render(surface, FRONT, 90, glass(tinted)).astype(int) for tinted in ((), (1,), (-1,))
-    )
-    # The surface is seen through the glass and grows greener only where the near side is tinted.
-    assert np.abs(clear[45, 40] - bare[45, 40]).max() < 40
-    green = [picture[..., 1] - picture[..., 0] for picture in (clear, near, far)]
-    assert green[1][45, 40] > green[0][45, 40] + 50
-    assert green[2][45, 40] == green[0][45, 40]
-    # Beside the surface both sides show, the far one paler; outside of the shell is nothing.
-    assert green[1][45, 20] > green[2][45, 20] + 20 > 40 > green[0][45, 20] + 20
-    assert (near[45, 4] == 255).all()
-
-
-def test_shadows_are_under_the_body_and_fade_with_height() -> None:
-    camera, middles = replace(FRONT, half_width=2.0), []
-    for height in (0.0, 0.3, 1.0, 50.0):
-        points = square(height)
-        shade = render_shadow(points, HALVES, points[:, 2], UPRIGHT, camera, 200, 1.0)
-        np.testing.assert_allclose(shade[[5, 5, 195, 195], [5, 195, 5, 195]], 1.0)
-        middle = shade[70:130, 70:130]
-        assert np.ptp(middle) < 1e-9
-        middles.append(middle.mean())
-    assert np.all(np.diff(middles) > 0.0)
-    assert 0.0 < middles[0] < middles[-1] < 0.9

@@ -1,11 +1,11 @@
-"""Endurance tests: many meshes, random recipes and damaged files, with killed processes.
+"""Endurance tests: many meshes and random recipes, with killed processes.
 
 The inputs depend only on the seed.
 
     pytest tests/soak -m soak -n 0
 
-`SOAK_MESHES`, `SOAK_RUNS` and `SOAK_FILES` are the numbers of cases, `SOAK_SEED` is the seed, and
-`SOAK_FIRST` is the number of the first run and file.
+`SOAK_MESHES` and `SOAK_RUNS` are the numbers of cases, `SOAK_SEED` is the seed, and `SOAK_FIRST` is
+the number of the first run.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.soak.files import make_samples, try_damaged
 from tests.soak.frame import all_faults
 from tests.soak.meshes import batch_faults, make_meshes, run_batches
 from tests.soak.runs import try_recipe
@@ -48,9 +47,3 @@ def test_meshes_of_a_folder(tmp_path: Path) -> None:
 def test_runs_of_recipes(tmp_path: Path) -> None:
     numbers = range(FIRST, FIRST + setting("RUNS", 300))
     assert all_faults(try_recipe, numbers, tmp_path, SEED) == []
-
-
-def test_damaged_files(tmp_path: Path) -> None:
-    make_samples(tmp_path)
-    numbers = range(FIRST, FIRST + setting("FILES", 5_000))
-    assert all_faults(try_damaged, numbers, tmp_path, SEED) == []
