@@ -13,15 +13,9 @@ from itertools import count
 
 import pytest
 
-from dicedesign.cli.options import MISSING_KERNELS
 from dicedesign.kernels import ops
 
 compiled_only = pytest.mark.skipif(not ops.available(), reason="no compiled kernels")
-
-
-def usual_notes() -> str:
-    """Notes of a long command on stderr that reports nothing else."""
-    return "" if ops.available() else f"note: {MISSING_KERNELS}\n"
 
 
 @contextmanager
