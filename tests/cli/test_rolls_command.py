@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -104,7 +103,7 @@ class Pipe(io.StringIO):
         self.saved.append("".join(self.log.read_text().split()[1:]))
         line = super().readline(size)
         if line == "^C\n":
-            signal.raise_signal(signal.SIGINT)
+            raise KeyboardInterrupt
         return line
 
 

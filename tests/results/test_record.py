@@ -75,7 +75,7 @@ RESULT = Result(
         ),
     ),
     files={"die_plain": "die_plain.stl"},
-    stages=(StageTime("start", 0.1, None),),
+    stages=(StageTime("start", 0.1),),
 )
 
 
@@ -127,7 +127,7 @@ def test_a_result_without_clock_has_no_times() -> None:
     assert result.search is not None
     assert result.search.seconds is None
     assert [draft.seconds for draft in result.search.trade_off.drafts] == [None]
-    slower = replace(RESULT, stages=(StageTime("start", 9.0, None),))
+    slower = replace(RESULT, stages=(StageTime("start", 9.0),))
     assert slower != RESULT
     assert slower.without_clock() == result
 
