@@ -122,8 +122,8 @@ class BestCenter:
 def best_center(
     poses: RestPoses,
     goal: Goal,
-    region: ConvexHull,
-    tolerance: float,
+    region: ConvexHull | None = None,
+    tolerance: float = 0.005,
     options: CenterSearch | None = None,
 ) -> BestCenter:
     """Find the center of mass in a region that serves a goal best; deterministic.
@@ -136,13 +136,13 @@ def best_center(
     ----------
     poses: of the original body.
     goal: wanted probabilities.
-    region: allowed centers of mass, inside of the body's hull, such as `whole_hull`.
+    region: allowed centers of mass, inside of the body's hull; None for all, `whole_hull`.
     tolerance: largest difference of probabilities with which a goal is reached.
     options: effort of the search.
 
     Raises InputError if the body has no such pose.
     """
-    search = _CenterSearch(poses, region, options or CenterSearch())
+    search = _CenterSearch(poses, region or whole_hull(poses.hull), options or CenterSearch())
     hull, stability, wanted = poses.hull, search.stability, None
     if isinstance(goal, FewestRests):
         counts = np.array([stability.count(center) for center in search.samples], np.float64)

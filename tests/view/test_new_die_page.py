@@ -152,6 +152,8 @@ def test_extensions_and_their_weights(
 ) -> None:
     new_die = open_page(kind=NewDie)
     new_die.state("done")
+    new_die.button("Reset")
+    new_die.until(lambda: new_die.page.query_selector("#design") is None)
     new_die.field("Probabilities", "fair: 5")
     new_die.expand("More", "Preferences")
     new_die.expand("Preferences", extension)
