@@ -28,22 +28,20 @@ TESTERS = "pytest pytest-xdist hypothesis filelock lib3mf pygltflib"
 """What tests need beside the package, where not all of the extra test can be installed."""
 
 WITHOUT_TORCH = """
-    tests/runtime tests/kernels tests/geometry/meshes tests/geometry/test_solid.py
-    tests/geometry/hulls/test_hull.py tests/rest/test_basins.py tests/rest/test_poses.py
-    tests/rest/test_outcomes.py tests/throws/test_engines.py tests/throws/test_tables.py
-    tests/throws/test_statistics.py tests/fabricate/test_label_art.py
-    tests/fabricate/test_engraving.py tests/fabricate/test_file_formats.py
-    tests/report/test_charts.py
+    tests/runtime tests/kernels tests/geometry/meshes tests/geometry/hulls/test_hull.py
+    tests/rest/test_basins.py tests/rest/test_poses.py tests/rest/test_outcomes.py
+    tests/throws/test_engines.py tests/fabricate/test_label_art.py
+    tests/fabricate/test_file_formats.py tests/report/test_charts.py
 """
 """Tests that other Pythons run, for which torch would be a download of gigabytes."""
 
 LOWEST = """
     tests/geometry/meshes/test_reading.py tests/geometry/meshes/test_body.py
-    tests/geometry/surfaces/test_closed_surface.py tests/optimize/solvers/test_descent.py
-    tests/fabricate/test_engraving.py tests/fabricate/test_file_formats.py
-    tests/report/test_charts.py tests/recipe/test_recipe.py tests/recipe/test_pipeline.py
-    tests/reference/test_oracle.py tests/concave/test_paper_fill.py
-    tests/batch/test_rest_table.py tests/runtime/test_executors.py
+    tests/geometry/surfaces/test_closed_surface.py tests/fabricate/test_engraving.py
+    tests/fabricate/test_file_formats.py tests/report/test_charts.py tests/recipe/test_recipe.py
+    tests/recipe/test_pipeline.py::test_a_recipe_becomes_a_checked_die
+    tests/concave/test_paper_fill.py tests/batch/test_rest_table.py
+    tests/runtime/test_executors.py
 """
 """Tests of what reaches into dependencies, run with their lowest versions."""
 
@@ -54,6 +52,9 @@ KERNELS = """
 """Tests of what kernels compute, run again by their twins in Python."""
 
 CONVEX = "tests/recipe/test_recipes.py::test_a_recipe_gives_its_die_with_little_work"
+
+BENCHES = "stability gradients accuracy speed"
+"""Benches whose short forms are short; the nightly check runs all."""
 
 SLOW_WALK = "tests/rest/test_basins.py::test_sampled_flow_gives_the_same_probabilities"
 """A test that walks for a minute without kernels, which other tests compare with NumPy."""
@@ -291,6 +292,10 @@ class Check:
                 """
             )
 
+    def benches(self, names: str = BENCHES) -> None:
+        with self.step("benches in short form"):
+            self.call(f".venv/bin/python -m benchmarks all --quick {names}")
+
     def without_kernels(self, tests: str) -> None:
         with self.step("what kernels compute, without them"):
             self.call(f".venv/bin/pytest --without-kernels {tests} --deselect {SLOW_WALK}")
@@ -331,6 +336,7 @@ def run(check: Check) -> None:
         check.site,
         check.lowest,
         *(partial(check.python, *python) for python in newest),
+        check.benches,
     )
     with check.step("the README's second command: tests"):
         check.call(test, PYTEST_ADDOPTS=options)
@@ -344,9 +350,6 @@ def run(check: Check) -> None:
     with check.step("the convex ones, as another kind of processor rounds"):
         check.call(f".venv/bin/pytest -m shipped {CONVEX}", **second)
     check.without_kernels(" ".join(KERNELS.split()))
-    check.join()
-    with check.step("the benches, in short form"):
-        check.call(".venv/bin/python -m benchmarks all --quick")
 
 
 def run_nightly(check: Check) -> None:
@@ -360,8 +363,7 @@ def run_nightly(check: Check) -> None:
     with check.step("twenty thousand random bodies"):
         check.call(".venv/bin/pytest tests/fuzz --hypothesis-profile=nightly")
     check.join()
-    with check.step("the benches whose short forms are long"):
-        check.call(".venv/bin/python -m benchmarks all --quick")
+    check.benches("")
 
 
 def main() -> int:

@@ -138,8 +138,10 @@ def parser_of(name: str | None) -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str]) -> int:
     """Run a bench: exit code 0 where all is as it should be, 1 where not, 2 for bad input."""
-    if list(arguments) in (["all"], ["all", "--quick"]):
-        return run_all(quick=len(arguments) > 1)
+    if arguments[:1] == ["all"]:
+        names = [argument for argument in arguments[1:] if argument in BENCHES]
+        if set(arguments[1:]) <= {"--quick", *names}:
+            return run_all(names, quick="--quick" in arguments)
     name = arguments[0] if arguments and arguments[0] in BENCHES else None
     options = parser_of(name).parse_args(arguments)
     report = Report(show=not options.json)
@@ -185,18 +187,25 @@ def record(report: Report, arguments: str) -> None:
     subprocess.run([sys.executable, str(rewrite)], check=True)
 
 
-def run_all(*, quick: bool) -> int:
+def run_all(names: Sequence[str], *, quick: bool) -> int:
     """Run again each command that made recorded tables, and record them; or run the commands at the
-    top of docs/numbers.md in short form. 1 or 2 where one of them is not as it should be."""
+    top of docs/numbers.md in short form. 1 or 2 where one of them is not as it should be.
+
+    names: of the benches that are run; all if there are none.
+    """
     commands = [table["command"] for table in json.loads(RECORDED.read_text()).values()]
     if quick:
         page = RECORDED.parents[1] / "docs" / "numbers.md"
         commands = re.findall("^python -m benchmarks .*", page.read_text(encoding="utf-8"), re.M)
     codes = []
     for command in dict.fromkeys(commands):
+        if names and shlex.split(command)[3] not in names:
+            continue
         print(f"\n{command}", flush=True)
+        start = time.perf_counter()
         paths = [sorted(glob(word)) or [word] for word in shlex.split(command)[3:]]
         codes.append(main([*chain(*paths), "--quick" if quick else "--record"]))
+        print(f"{time.perf_counter() - start:.0f} s", flush=True)
     return max(codes)
 
 
