@@ -15,6 +15,7 @@ from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.clusters import ClusteredRests
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.momentum_probabilities import throw_probabilities
+from tests.reference.stiff import off_balance
 
 CUBE = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
@@ -173,3 +174,10 @@ def test_forward_mode_is_the_jacobian_and_second_derivatives_are_unknown() -> No
     np.testing.assert_allclose(tangent, (rows * move).sum((1, 2)), atol=1e-12)
     hessian = torch.autograd.functional.hessian(lambda x: probabilities(x)[0], points)
     assert torch.isnan(hessian).any()
+
+
+def test_a_tied_body_has_the_mean_of_both_sides() -> None:
+    body = off_balance(0.0, corner=False)
+    _, probabilities = differentiable_rest(torch.tensor(body.points), torch.tensor(body.center))
+    expected = rest_poses(body.points, body.center).probabilities
+    np.testing.assert_allclose(probabilities.numpy(), expected, atol=1e-14)

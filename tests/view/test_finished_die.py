@@ -57,9 +57,6 @@ def test_labels_determine_the_size() -> None:
     plain = finish_die(work, size_mm=20.0, engrave=False)
     assert pdist(plain.finished.points).max() == pytest.approx(20.0, rel=1e-6)
     assert len(plain.finished.triangles) < len(labeled.finished.triangles)
-    for invalid in (0.0, float("nan"), 1e9):
-        with pytest.raises(InputError, match="size_mm: "):
-            finish_die(work, size_mm=invalid)
 
 
 def test_every_preset_is_a_target() -> None:

@@ -132,10 +132,9 @@ def test_a_taken_port_is_named() -> None:
             View(None, port)
 
 
-@pytest.mark.parametrize("port", [-1, 65536])
-def test_invalid_ports_are_refused(port: int) -> None:
+def test_an_invalid_port_is_refused() -> None:
     with pytest.raises(dd.InputError, match="--port"):
-        open_socket(port)
+        open_socket(65536)
 
 
 def test_a_closed_page_frees_its_port() -> None:
