@@ -119,7 +119,6 @@ _STYLE = f"""
 .dd .target {{ position: absolute; top: -2px; height: 15px; width: 2px; background: {DARK}; }}
 .dd [{ACTION}] {{ cursor: pointer; }}
 .dd tr[{ACTION}]:hover, .dd tr[{ACTION}]:focus {{ background: {PALE}44; outline: none; }}
-.dd tr.selected {{ background: {PALE}66; }}
 """
 
 HEAD = (

@@ -16,12 +16,6 @@ from dicedesign.report.renderer import (
     render,
 )
 
-
-def render_view(points: np.ndarray, triangles: np.ndarray, camera: Camera, size: int) -> np.ndarray:
-    """Picture of a solid with flat faces."""
-    return render(RenderMesh(np.asarray(points), np.asarray(triangles), smooth=False), camera, size)
-
-
 FRONT = Camera(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3), 1.5)
 
 
@@ -67,9 +61,6 @@ def test_the_kernel_sees_the_triangles_that_numpy_sees() -> None:
             expected = rasterize(positions, triangles, 64)
         np.testing.assert_array_equal(visible, expected[0])
         np.testing.assert_array_equal(depth, expected[1])
-
-
-UPRIGHT = np.array([0.0, 0.0, 1.0])
 
 
 def sphere(subdivisions: int) -> RenderMesh:
