@@ -56,9 +56,6 @@ CONVEX = "tests/recipe/test_recipes.py::test_a_recipe_gives_its_die_with_little_
 BENCHES = "stability gradients accuracy speed"
 """Benches whose short forms are short; the nightly check runs all."""
 
-SLOW_WALK = "tests/rest/test_basins.py::test_sampled_flow_gives_the_same_probabilities"
-"""A test that walks for a minute without kernels, which other tests compare with NumPy."""
-
 
 class Check:
     """Steps in a temporary folder.
@@ -288,7 +285,7 @@ class Check:
                 ./pip install --quiet --no-deps "$WORK"/dist/dicedesign-*.tar.gz
                 cd "$WORK/tree"
                 "$WORK/{version}/bin/pytest" -n 1 -p no:cacheprovider \
-                  {" ".join(WITHOUT_TORCH.split())} --deselect {SLOW_WALK}
+                  {" ".join(WITHOUT_TORCH.split())}
                 """
             )
 
@@ -298,7 +295,7 @@ class Check:
 
     def without_kernels(self, tests: str) -> None:
         with self.step("what kernels compute, without them"):
-            self.call(f".venv/bin/pytest --without-kernels {tests} --deselect {SLOW_WALK}")
+            self.call(f".venv/bin/pytest --without-kernels {tests}")
 
 
 def other_pythons() -> dict[str, str]:

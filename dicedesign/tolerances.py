@@ -19,14 +19,6 @@ COPLANAR_TOLERANCE_FLOAT32 = 2e-6
 """Coplanar tolerance, as `COPLANAR_TOLERANCE`, of coordinates rounded to float32 (STL, most PLY):
 2^-24 per coordinate, times the extrapolation from a facet's largest triangle to its far corners."""
 
-COPLANAR_WIDENINGS = (1.0, 10.0, 100.0, 1000.0)
-"""Factors of the coplanar tolerance, tried in turn until the merged facets make a polyhedron:
-clusters of points at one spacing can leave facets that a tolerance of that size cuts apart."""
-
-COPLANAR_COARSEST = 0.5
-"""Largest coplanar tolerance of a hull that is rebuilt because its facets are as uneven as the
-angles between them."""
-
 REUSE_FLATNESS = 1e-14
 """A hull keeps its connectivity only if the corners of every facet are this near to its plane,
 relative to half the largest extent of the points; then any triangles that Qhull makes of it are one

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import convex_hull, hull_precision
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, hull_precision
 from dicedesign.gradient.body_function import (
     BodyFunction,
     double_tensor,
@@ -24,9 +24,9 @@ from dicedesign.gradient.body_function import (
     uncompiled,
 )
 from dicedesign.gradient.probability_model import RESTING, ProbabilityModel, probability_model
-from dicedesign.gradient.rest_probabilities import RestEvaluation, hull_centroid
+from dicedesign.gradient.rest_probabilities import RestEvaluation, facet_normals, hull_centroid
 from dicedesign.kernels import ops as kernels
-from dicedesign.rest.basins import Basins, find_basins
+from dicedesign.rest.basins import Basins, find_basins, merged_rests
 from dicedesign.rest.equilibria import classify
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -63,8 +63,8 @@ class _RestedBodies:
     ) -> None:
         self._given_counts, self._model = counts, model
         self._single_precision = single_precision
-        # Basins of a body, or of the bodies beside it if it is tied.
-        self._sides: dict[int, tuple[Basins, ...]] = {}
+        # Hull of a body, and its basins or those of the bodies beside it if it is tied.
+        self._sides: dict[int, tuple[ConvexHull, tuple[Basins, ...]]] = {}
         self._records: dict[int, tuple[tuple[Tensor, ...], Integers, Tensor, Tensor]] = {}
 
     @property
@@ -143,29 +143,36 @@ class _RestedBodies:
         if body not in self._sides:
             numbers, center_of_mass = self._numbers(body)
             hull = convex_hull(numbers, single_precision=self._single_precision)
-            checked = classify(hull, center_of_mass[0] if center_of_mass else hull.centroid)
-            self._sides[body] = find_basins(hull, checked.center_of_mass)
-        sides = self._sides[body]
-        hull = sides[0].equilibria.hull
-        corners = points[torch.from_numpy(hull.source)]
+            classified = hull if hull.finer is None else hull.finer.hull
+            own = center_of_mass[0] if center_of_mass else hull.centroid
+            sides = find_basins(classified, classify(classified, own).center_of_mass)
+            if sides[0].equilibria.hull is not classified:
+                hull = sides[0].equilibria.hull
+            self._sides[body] = hull, sides
+        hull, sides = self._sides[body]
+        classified = sides[0].equilibria.hull
+        corners = points[torch.from_numpy(classified.source)]
         center = hull.centroid if self._centers is None else self._centers[body]
         of_facet = torch.zeros(len(hull.normals), dtype=torch.float64)
         for side in sides:
             aside = side.equilibria.center_of_mass - center
             at = given
             if aside.any():
-                own = hull_centroid(corners, hull) if given is None else given
+                own = hull_centroid(corners, classified) if given is None else given
                 at = own + torch.from_numpy(aside)
             beside = RestEvaluation(side.equilibria, corners, at, side)
-            rests = torch.from_numpy(side.paths.rests)
+            rests = torch.from_numpy(merged_rests(hull, side))
             of_facet = of_facet.index_add(0, rests, self._model.tensor(beside))
         facets = self._facets[body, : np.count_nonzero(self._normals[body].any(axis=1))]
         if len(facets) == 0:
-            resting = np.unique(np.concatenate([side.paths.rests for side in sides]))
+            resting = np.unique(np.concatenate([merged_rests(hull, side) for side in sides]))
             # Stable, so that equal rests keep the order of their facets.
             order = np.argsort(-of_facet.detach().numpy()[resting], kind="stable")
             facets = resting[order]
         probabilities = of_facet[torch.from_numpy(facets)] / len(sides)
+        if hull is not classified:
+            normals = facet_normals(hull, facets, points[torch.from_numpy(hull.source)])
+            return facets, normals, probabilities
         return facets, beside.facet_normals(facets), probabilities
 
     def _formula(

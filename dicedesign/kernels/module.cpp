@@ -24,7 +24,7 @@ void hold_on_to_memory() {
 
 NB_MODULE(dicedesign_kernels, module) {
     module.doc() = "Compiled inner loops of dicedesign; see dicedesign/kernels/ops.py.";
-    module.attr("INTERFACE") = 9;
+    module.attr("INTERFACE") = 10;
     // What torch still holds when Python ends is nobody's loss.
     nanobind::set_leak_warnings(false);
     dicedesign::hold_on_to_memory();

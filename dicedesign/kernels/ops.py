@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import dicedesign.tolerances as bounds
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
-INTERFACE = 9
+INTERFACE = 10
 """Version of the kernels' arguments and results; kernels of another version are not used."""
 
 UNDECIDED = None
@@ -149,6 +149,16 @@ def convex_hull(
     """
     given = np.require(points, np.float64, ["C", "ALIGNED"])
     return compiled.convex_hull(given, coplanar_tolerance, precision, *_MEASURED)
+
+
+@_kernel
+def exact_hull(
+    points: NDArray[Any], coplanar_tolerance: float, precision: float
+) -> tuple[dict[str, Any], dict[str, Any] | None, Integers]:
+    """Fields and properties of the hull of points as they are; the same with its facets merged, if
+    any are; and the merged facet of each. Arguments as `convex_hull`; the tolerance may be 0."""
+    given = np.require(points, np.float64, ["C", "ALIGNED"])
+    return compiled.exact_hull(given, coplanar_tolerance, precision, *_MEASURED)
 
 
 @_kernel

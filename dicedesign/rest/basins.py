@@ -22,14 +22,11 @@ from dicedesign.rest.morse import (
     signed_areas,
     wraps,
 )
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import (
     BOUNDARY_TOLERANCE,
     CLOSURE_TOLERANCE,
-    COPLANAR_COARSEST,
-    COPLANAR_WIDENINGS,
     TIE_TOLERANCE,
-    WARP_TOLERANCE,
 )
 
 TIE_STEP = 4.0
@@ -72,35 +69,27 @@ def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     Facets that were merged within a coplanar tolerance are not quite flat, and near a balance the
     decisions about them can contradict each other: the body seems to roll in a circle, or its
     basins overlap. Such a body is tied to within its unevenness. If bodies beside it are
-    contradictory too, facets bend by less than they are uneven. Then the hull is made again, at a
-    coplanar tolerance of the unevenness times the first of `COPLANAR_WIDENINGS` above 1 that is
-    enough, or, if none is, at tolerance 0, where facets are exactly flat. So is a hull whose facets
-    are no wider than they are uneven (`WARP_TOLERANCE`).
+    contradictory too, the basins are those of the hull of its corners as they are.
 
-    hull: the convex hull; center_of_mass: (3,) strictly inside it. Only if the hull is made again
-    do the basins have another hull; its `source` refers to the original points.
+    hull: the convex hull; center_of_mass: (3,) strictly inside it. Only in that last case do the
+    basins have another hull; its `source` refers to the original points.
 
     Raises
     ------
     OutsideHullError: the center of mass is not strictly inside the hull.
     DegenerateBodyError: the basins do not close.
     """
-    if hull.warp <= WARP_TOLERANCE:
-        with suppress(DegenerateBodyError):
-            return _basins(hull, center_of_mass)
-    unevenness = hull.unevenness / (np.ptp(hull.vertices, axis=0).max() / 2.0)
-    for factor in COPLANAR_WIDENINGS[1:]:
-        with suppress(DegenerateBodyError):
-            coarser = remake_hull(hull, min(factor * unevenness, COPLANAR_COARSEST))
-            if coarser.warp <= WARP_TOLERANCE:
-                return _basins(coarser, center_of_mass)
-    return _basins(remake_hull(hull, 0.0), center_of_mass)
+    with suppress(DegenerateBodyError):
+        return _basins(hull, center_of_mass)
+    exact = convex_hull(hull.vertices, 0.0)
+    return _basins(replace(exact, source=hull.source[exact.source]), center_of_mass)
 
 
-def remake_hull(hull: ConvexHull, coplanar_tolerance: float) -> ConvexHull:
-    """Hull of a hull's vertices at another tolerance, with `source` in the original points."""
-    again = convex_hull(hull.vertices, coplanar_tolerance)
-    return replace(again, source=hull.source[again.source])
+def merged_rests(hull: ConvexHull, side: Basins) -> Integers:
+    """(r,) the facet of a body's hull that each rest of a side stands on: its own, or the one that
+    it is shown as part of where basins are those of `ConvexHull.finer`."""
+    rests = side.paths.rests
+    return rests if hull.finer is None else hull.finer.facet[rests]
 
 
 def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:

@@ -16,7 +16,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, hull_precisi
 from dicedesign.geometry.meshes.body import Body, body_of, resolve_center_of_mass
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.rest.basins import Basins, find_basins
+from dicedesign.rest.basins import Basins, find_basins, merged_rests
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
@@ -62,10 +62,10 @@ TIED = (
 """Note on a body with ties."""
 
 UNEVEN = (
-    "some facets are no wider, or bend by no more, than they are uneven, so that the hull was made "
-    "again from its corners; another coplanar tolerance may say more"
+    "facets that are flat within the coplanar tolerance contradict each other, so that none were "
+    "merged; another tolerance may merge them"
 )
-"""Note on a body whose facets could not be distinguished where it mattered."""
+"""Note on a body whose merged facets could not be distinguished where it mattered."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,10 @@ class MorseComplex:
     branches: (2 s, d, 3) unit points of the separatrices from saddles to maxima, repeated where a
         branch waits; of saddle i, branch 2 i has the basin `saddle_basins[i, 0]` on its left and
         branch 2 i + 1 on its right.
-    equilibria: the classified hull, in which ties are not looked for.
-    rest_facets: (k,) facet of the hull that each rest stands on.
+    equilibria: the classified hull (`ConvexHull.finer`, if there is one), in which ties are not
+        looked for.
+    rest_facets: (k,) facet of the body's hull that each rest stands on.
+    facet: (m',) the facet of the body's hull to which each facet of the classified hull belongs.
     """
 
     minima: Floats
@@ -94,6 +96,7 @@ class MorseComplex:
     branches: Floats
     equilibria: Equilibria
     rest_facets: Integers
+    facet: Integers
 
     @cached_property
     def polylines(self) -> tuple[Floats, ...]:
@@ -109,12 +112,15 @@ class MorseComplex:
 
     @cached_property
     def basin_of_facet(self) -> Integers:
-        """(m,) the rest to which each facet of the hull rolls."""
-        facets = np.arange(len(self.equilibria.hull.normals))
-        destined = trace_to_rests(self.equilibria, facets)
-        place = np.full(len(facets), -1, dtype=np.int64)
+        """(m,) the rest to which each facet of the body's hull rolls."""
+        own = np.arange(len(self.facet))
+        place = np.full(int(self.facet.max()) + 1, -1, dtype=np.int64)
         place[self.rest_facets] = np.arange(len(self.rest_facets))
-        return place[destined]
+        # Of facets that are shown as one, the first counts.
+        first = np.unique(self.facet, return_index=True)[1]
+        destined = place[self.facet[trace_to_rests(self.equilibria, own[first])]]
+        destined[self.rest_facets] = place[self.rest_facets]
+        return destined
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,20 +184,25 @@ class RestPoses:
         if prior is None:
             if self.prior is None:
                 return self
-            parts = np.zeros(len(self.hull.normals))
-            facets, areas, _ = _combine_sides(self.basins)
-            parts[facets] = areas / (4.0 * np.pi)
-            return self._with_probabilities(None, parts[self.facets], None)
+            areas = self.mean_of_sides([side.areas for side in self.basins])
+            return self._with_probabilities(None, areas / (4.0 * np.pi), None)
         # Imported late: most queries do not need it.
         from dicedesign.rest.prior import prior_of
 
         prior = prior_of(prior)
-        probabilities, errors = np.zeros((2, len(self.basins), len(self.hull.normals)))
-        for row, side in enumerate(self.basins):
-            estimate, rests = prior.probabilities(side), side.paths.rests
-            probabilities[row, rests], errors[row, rests] = estimate.probabilities, estimate.errors
-        of_rests = probabilities.mean(axis=0)[self.facets]
-        return self._with_probabilities(prior, of_rests, errors.mean(axis=0)[self.facets])
+        estimates = [prior.probabilities(side) for side in self.basins]
+        probabilities = self.mean_of_sides([each.probabilities for each in estimates])
+        errors = self.mean_of_sides([each.errors for each in estimates])
+        return self._with_probabilities(prior, probabilities, errors)
+
+    def mean_of_sides(self, values: list[Floats]) -> Floats:
+        """(k,) sums of values over the facets that a rest stands on, of which each side has one
+        (r,) for each of its own rests; the mean of the sides."""
+        of_facet = np.zeros(len(self.hull.normals))
+        for side, own in zip(self.basins, values, strict=True):
+            np.add.at(of_facet, merged_rests(self.hull, side), own)
+        mean: Floats = of_facet[self.facets] / len(values)
+        return mean
 
     def _with_probabilities(
         self, prior: Prior | None, probabilities: Floats, errors: Floats | None
@@ -231,17 +242,21 @@ class RestPoses:
         side = self.basins[0]
         place = np.full(len(self.hull.normals), -1, dtype=np.int64)
         place[self.facets] = np.arange(len(self.facets))
-        unit = unit_vectors(side.points)
-        radii = side.equilibria.radii
+        basins = place[merged_rests(self.hull, side)][side.paths.basins]
+        # What divides facets that are shown as one divides no rests.
+        divides = basins[:, 0] != basins[:, 1]
+        unit = unit_vectors(side.points[np.repeat(divides, 2)])
+        radii, finer = side.equilibria.radii, self.hull.finer
         return MorseComplex(
             minima=self.normals,
             saddles=unit[::2, 0],
-            saddle_basins=place[side.paths.rests][side.paths.basins],
+            saddle_basins=basins[divides],
             maxima=unit_vectors(radii[side.equilibria.maximum]),
             branches=unit,
             # A balance that no basin depends on must not stop bodies from rolling.
             equilibria=replace(side.equilibria, tie_distance=0.0),
             rest_facets=self.facets,
+            facet=np.arange(len(self.hull.normals)) if finer is None else finer.facet,
         )
 
     @cached_property
@@ -328,8 +343,8 @@ def rest_poses(
             notes = (
                 *notes,
                 f"far from the origin: coordinates are rounded to {part:.1g} of the body's extent, "
-                "and probabilities may be wrong by about as much; move the body to the origin "
-                "before it is rounded",
+                "which bends facets; the rests are those of the body as it is in the file; move it "
+                "to the origin before it is rounded",
             )
     return analyze(hull, center, source, (*body.notes, *notes), hull_seconds)
 
@@ -345,14 +360,16 @@ def analyze(
 
     A body that balances somewhere to within rounding has the mean of the probabilities with its
     center of mass moved slightly to either side (`find_basins`), and the Morse complex of one side.
-    `find_basins` also says when the hull is made again from its corners.
+    `find_basins` also says when no facets are merged after all. Rests on facets that are shown as
+    one are one rest.
     """
     started = time.perf_counter()
-    sides = find_basins(hull, center_of_mass)
-    if sides[0].equilibria.hull is not hull:
+    classified = hull if hull.finer is None else hull.finer.hull
+    sides = find_basins(classified, center_of_mass)
+    if sides[0].equilibria.hull is not classified:
         hull = sides[0].equilibria.hull
         notes = (*notes, UNEVEN)
-    facets, areas, tied = _combine_sides(sides)
+    facets, areas, tied = _combine_sides(hull, sides)
     order = np.argsort(-areas, kind="stable")
     return RestPoses(
         hull=hull,
@@ -366,15 +383,16 @@ def analyze(
     )
 
 
-def _combine_sides(sides: tuple[Basins, ...]) -> tuple[Integers, Floats, bool]:
+def _combine_sides(
+    hull: ConvexHull, sides: tuple[Basins, ...]
+) -> tuple[Integers, Floats, bool]:
     """Facets (k,) that a body rests on, the mean areas (k,) of their basins, and whether the sides
     differ."""
-    first = sides[0]
-    if len(sides) == 1:
-        return first.paths.rests, first.areas, False
-    areas = np.zeros((len(sides), len(first.equilibria.hull.normals)))
+    if len(sides) == 1 and hull.finer is None:
+        return sides[0].paths.rests, sides[0].areas, False
+    areas = np.zeros((len(sides), len(hull.normals)))
     for row, side in zip(areas, sides, strict=True):
-        row[side.paths.rests] = side.areas
+        np.add.at(row, merged_rests(hull, side), side.areas)
     mean = areas.mean(axis=0)
     facets = np.flatnonzero(mean)
     return facets, mean[facets], bool(np.ptp(areas, axis=0).max() > CLOSURE_TOLERANCE)

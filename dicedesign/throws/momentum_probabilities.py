@@ -175,11 +175,10 @@ def thrown_probabilities(
         )
     if mixture is None or len(poses.facets) == 1:
         return poses.probabilities
-    total = np.zeros(len(poses.hull.normals))
+    of_sides = []
     for side in poses.basins:
         hull, center = side.equilibria.hull, side.equilibria.center_of_mass
         probabilities = side.areas / (4.0 * math.pi)
         known = hull, side.paths, center, inertia, probabilities
-        total[side.paths.rests] += mixture_probabilities(*known, mixture)
-    mean: Floats = total[poses.facets] / len(poses.basins)
-    return mean
+        of_sides.append(mixture_probabilities(*known, mixture))
+    return poses.mean_of_sides(of_sides)

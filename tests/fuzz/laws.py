@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dicedesign.rest.basins import find_basins
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 from tests.reference.measurement import OK, measure, share_error, verdict
@@ -87,7 +86,7 @@ def difference_from_exact(problem: Problem, poses: RestPoses) -> float:
 
 def is_tied(poses: RestPoses) -> bool:
     """Whether the probabilities are the mean over several bodies."""
-    return len(find_basins(poses.hull, poses.center_of_mass)) > 1
+    return len(poses.basins) > 1
 
 
 def difference(law: Law, poses: RestPoses, changed: RestPoses) -> float:

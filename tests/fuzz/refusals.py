@@ -13,7 +13,6 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import (
     BOUNDARY_TOLERANCE,
     COPLANAR_TOLERANCE,
-    COPLANAR_WIDENINGS,
     TIE_TOLERANCE,
 )
 from tests.reference.problem import Problem
@@ -64,7 +63,7 @@ def may_be_outside(problem: Problem) -> bool:
     depth = -float(planes[:, 3].max())
     gaps = np.abs(local / scale @ planes[:, :3].T + planes[:, 3])
     # How far points lie off the facets to which they may be counted.
-    uneven = gaps[gaps <= max(COPLANAR_WIDENINGS) * _tolerance(problem)].max()
+    uneven = gaps[gaps <= _tolerance(problem)].max()
     far = float(np.abs(problem.points).max()) / scale
     move = TIE_STEP * TIE_TOLERANCE * (2.0 + far)
     return depth <= move + MARGIN * (BOUNDARY_TOLERANCE + float(uneven))

@@ -59,15 +59,16 @@ def test_results_and_gradients_keep_single_precision() -> None:
     """Facets made uneven by rounding are merged, as by `rest_poses`."""
     turned = CUBE * [1.0, 1.1, 1.2] @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     rounded = torch.tensor(turned, dtype=torch.float32, requires_grad=True)
-    center = torch.zeros(3, requires_grad=True)
+    middle = np.array([0.125, 0.0625, 0.03125])
+    center = torch.tensor(middle, dtype=torch.float32, requires_grad=True)
     normals, probabilities = differentiable_rest(rounded, center)
     assert normals.dtype == probabilities.dtype == torch.float32
-    expected = rest_poses(rounded.detach().numpy(), [0.0, 0.0, 0.0])
+    expected = rest_poses(rounded.detach().numpy(), center.detach().double().numpy())
     assert len(expected.probabilities) == 6
     np.testing.assert_array_equal(probabilities.detach(), expected.probabilities.astype("f4"))
     np.testing.assert_array_equal(normals.detach(), expected.normals.astype("f4"))
     slopes = torch.autograd.grad(probabilities[0], (rounded, center))
-    double = (torch.tensor(turned, requires_grad=True), torch.zeros(3).double().requires_grad_())
+    double = [torch.tensor(part, requires_grad=True) for part in (turned, middle)]
     exact = torch.autograd.grad(differentiable_rest(*double)[1][0], double)
     for slope, wanted in zip(slopes, exact, strict=True):
         assert slope.dtype == torch.float32

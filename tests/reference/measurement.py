@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body, consistent_winding, make_body
 from dicedesign.geometry.sphere import norms
-from dicedesign.rest.basins import Basins, find_basins
-from dicedesign.rest.poses import UNEVEN, RestPoses, rest_poses
+from dicedesign.rest.basins import Basins, merged_rests
+from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 from tests.reference.oracle import DIGITS, exact, hull_probabilities, solid_centroid
 from tests.reference.oracle_derivatives import probability_condition
@@ -31,10 +31,6 @@ CONDITION_FACTOR = 100.0
 
 OUTSIDE_LIMIT = 1e-10
 """Tolerance on the distance of a point outside of the hull, over half its extent."""
-
-COARSER_OUTSIDE_LIMIT = 1e-7
-"""Tolerance for a hull that was remade at up to 1000 times the unevenness of its facets, which is
-up to 1e-11 or a few times as much."""
 
 ORACLE_FACETS = 2000
 """Largest number of facets of a hull that is compared with the oracle."""
@@ -67,8 +63,7 @@ class Measurement:
         origin, over half the extent of the body; NaN if there are too many pairs.
     seconds: wall-clock time of the query.
     tied: whether the center of mass was moved to both sides of a balance.
-    made_again: whether the hull was remade at a coarser coplanar tolerance (see `find_basins`).
-    hull, centers: hull and centers of mass of the condition.
+    hull, centers: classified hull and centers of mass of the condition.
     """
 
     facets: int
@@ -79,7 +74,6 @@ class Measurement:
     outside: float
     seconds: float
     tied: bool
-    made_again: bool
     hull: ConvexHull
     centers: tuple[Floats, ...]
 
@@ -114,8 +108,8 @@ def measure(
     started = time.perf_counter()
     poses = query(body, problem.center, coplanar_tolerance=problem.coplanar_tolerance)
     seconds = time.perf_counter() - started
-    hull = poses.hull
-    sides = find_basins(hull, poses.center_of_mass)
+    sides = poses.basins
+    hull = sides[0].equilibria.hull
     errors = {}
     if problem.shares is not None:
         errors["closed form"] = share_error(problem.shares, poses.probabilities)
@@ -130,7 +124,7 @@ def measure(
             *(_oracle_error(hull, *s) for s in zip(sides[:SIDES], centers, strict=True)),
         )
     return Measurement(
-        facets=len(hull.normals),
+        facets=len(poses.hull.normals),
         rests=len(poses.probabilities),
         probabilities=tuple(poses.probabilities.tolist()),
         excess=float(poses.probabilities.sum()) - 1.0,
@@ -138,7 +132,6 @@ def measure(
         outside=_outside(hull, body.points, poses.center_of_mass),
         seconds=seconds,
         tied=len(sides) > 1,
-        made_again=UNEVEN in poses.notes,
         hull=hull,
         centers=tuple(side.equilibria.center_of_mass for side in sides[:SIDES]),
     )
@@ -152,7 +145,7 @@ def verdict(measurement: Measurement, rests: int | None = None, facets: int | No
         return f"{measurement.facets} facets instead of {facets}"
     if not abs(measurement.excess) <= ERROR_LIMIT:
         return f"sum of probabilities off by {measurement.excess:.1e}"
-    if measurement.outside > (COARSER_OUTSIDE_LIMIT if measurement.made_again else OUTSIDE_LIMIT):
+    if measurement.outside > OUTSIDE_LIMIT:
         return f"point outside of the hull by {measurement.outside:.1e}"
     for name, error in measurement.errors.items():
         limit = measurement.limit(error)
@@ -181,7 +174,8 @@ def _difference_from_mean(poses: RestPoses, sides: tuple[Basins, ...]) -> float:
     difference = np.zeros(len(poses.hull.normals))
     difference[poses.facets] = poses.probabilities
     for side in sides:
-        difference[side.paths.rests] -= side.areas / (4.0 * np.pi * len(sides))
+        mean = side.areas / (4.0 * np.pi * len(sides))
+        np.subtract.at(difference, merged_rests(poses.hull, side), mean)
     return float(np.abs(difference).max())
 
 

@@ -19,8 +19,8 @@ from dicedesign.rest.poses import rest_poses
 from dicedesign.rest.roll import roll_steps
 from dicedesign.runtime.arrays import Floats
 from tests.reference import solids
-from tests.reference.flow_oracle import flow_frequencies
 from tests.reference.random_hulls import off_center_body
+from tests.reference.roller import roll_frequencies
 
 CUBE = np.array(list(product([-1.0, 1.0], repeat=3)))
 
@@ -30,22 +30,18 @@ def rotation(seed: int) -> Floats:
     return np.eye(3) if seed == 0 else Rotation.random(random_state=seed).as_matrix()
 
 
-def test_sampled_flow_gives_the_same_probabilities() -> None:
-    """6 hulls, 1024 rolls each. A frequency may differ by 5 standard deviations of independent
-    samples, and by what finite steps shift a basin's border: less than one step of 0.01 along
-    borders of length up to 2 pi, over 4 pi. Evenly spread samples do much better on average."""
-    count, step, seeds = 1024, 0.01, range(0, 30, 5)
+def test_rolls_without_a_hull_give_the_same_probabilities() -> None:
+    """6 bodies, 512 rolls each. A frequency may differ by 5 standard deviations of independent
+    samples; evenly spread ones do much better on average."""
+    count, seeds = 512, range(0, 30, 5)
     distances = []
     for seed in seeds:
         points, center = off_center_body(seed)
         rests = rest_poses(points, center)
-        frequencies, lost = flow_frequencies(
-            rests.hull.vertices, center, rests.normals, count, step, seed
-        )
+        frequencies, lost = roll_frequencies(points, center, rests.normals, count, seed)
         p = rests.probabilities
-        bound = 5 * np.sqrt(p * (1 - p) / count) + step / 2
-        assert lost <= 0.01 * count
-        assert (np.abs(frequencies - p) <= bound + lost / count).all(), seed
+        assert lost == 0
+        assert (np.abs(frequencies - p) <= 5 * np.sqrt(p * (1 - p) / count)).all(), seed
         distances.append(0.5 * np.abs(frequencies - p).sum())
     assert np.mean(distances) < 0.01
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,13 @@ from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors, solid_properties
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import COPLANAR_TOLERANCE, COPLANAR_TOLERANCE_FLOAT32, ROUNDING, SLIVER
+from dicedesign.tolerances import (
+    COPLANAR_TOLERANCE,
+    COPLANAR_TOLERANCE_FLOAT32,
+    ROUNDING,
+    SLIVER,
+    WARP_TOLERANCE,
+)
 
 CONNECTIVITY = frozenset(
     ["facet_start", "tail", "twin", "facet", "next", "previous", "head", "outgoing", "triangles"]
@@ -41,6 +47,22 @@ FLOAT32_EPS = float(np.finfo(np.float32).eps)
 
 FLOAT64_EPS = float(np.finfo(np.float64).eps)
 
+HalfEdges = tuple[Integers, Integers, Integers, Integers]
+"""`source`, `facet_start`, `tail` and `twin` of a `ConvexHull`."""
+
+
+class FinerHull(NamedTuple):
+    """The hull of points as they are, beside one with merged facets.
+
+    Attributes
+    ----------
+    hull: its facets are exactly flat.
+    facet: (m,) the merged facet that each of its facets belongs to.
+    """
+
+    hull: ConvexHull
+    facet: Integers
+
 
 @dataclass(frozen=True)
 class ConvexHull(kernels.Handled):
@@ -54,6 +76,8 @@ class ConvexHull(kernels.Handled):
         one starts at the facet's lowest vertex, and facets are sorted by their first half-edges.
     tail: (h,) vertex where a half-edge starts.
     twin: (h,) the opposite half-edge, which lies in the neighboring facet.
+    finer: the hull of the points as they are, where facets of this one are flat only within a
+        tolerance that rounding may have bent them by (`convex_hull`); rests are those of that hull.
     """
 
     vertices: Floats
@@ -61,6 +85,7 @@ class ConvexHull(kernels.Handled):
     facet_start: Integers
     tail: Integers
     twin: Integers
+    finer: FinerHull | None = None
 
     @classmethod
     def with_attributes(cls, attributes: dict[str, Any]) -> ConvexHull:
@@ -240,27 +265,31 @@ def convex_hull(
 ) -> ConvexHull:
     """Convex hull of points, with coplanar triangles merged into polygonal facets.
 
+    Rounding bends facets: those of rounded points are merged to be shown, and the hull of the
+    points as they are, which says how the body rests, is `ConvexHull.finer`. So it is where merged
+    facets of other points do not meet in lines (`WARP_TOLERANCE`), or corners are closer together
+    than the tolerance. Where they make no polyhedron, none are merged.
+
     Parameters
     ----------
     points: (n, 3) in any length unit.
     coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
-        points. Default: `COPLANAR_TOLERANCE`, or `COPLANAR_TOLERANCE_FLOAT32` for rounded points.
-        The rounding of points far from the origin is added, points closer together than that are
-        merged, and where the facets make no polyhedron the tolerance is widened in turn by
-        `COPLANAR_WIDENINGS`. At 0 the hull is exact instead: its facets are exactly flat and its
-        edges exactly convex (`exact_facets`).
+        points; the rounding of points far from the origin is added. Default: `COPLANAR_TOLERANCE`,
+        or `COPLANAR_TOLERANCE_FLOAT32` for rounded points. At 0 nothing is merged: facets are
+        exactly flat and edges exactly convex. Rounded points with a tolerance that is given count
+        as others.
     single_precision: whether the points were rounded to float32; float32 arrays always count as
         such.
 
     Raises
     ------
-    DegenerateBodyError: fewer than 4 points, NaN or infinity, all points on a plane or a line, or
-        facets that cannot be distinguished at this tolerance.
+    DegenerateBodyError: fewer than 4 points, NaN or infinity, or all points on a plane or a line.
     InputError: the points are no (n, 3) array of real numbers, or the tolerance is not in [0, 1).
     """
     given = as_numbers(points, "points")
     single = single_precision or given.dtype == np.float32
     usual, eps = hull_precision(single)
+    is_rounded = single and coplanar_tolerance is None
     if coplanar_tolerance is None:
         coplanar_tolerance = usual
     if not (isinstance(coplanar_tolerance, Real) and 0.0 <= coplanar_tolerance < 1.0):
@@ -268,15 +297,41 @@ def convex_hull(
             f"coplanar tolerance: expected a number in [0, 1), got {coplanar_tolerance!r}; "
             "leave it out for the default"
         )
-    if coplanar_tolerance != 0.0:
-        attributes = kernels.convex_hull(given, float(coplanar_tolerance), eps)
+    tolerance = float(coplanar_tolerance)
+    if tolerance > 0.0 and not is_rounded:
+        attributes = kernels.convex_hull(given, tolerance, eps)
         if attributes is not kernels.UNDECIDED:
-            return ConvexHull.with_attributes(attributes)
+            hull = ConvexHull.with_attributes(attributes)
+            if hull.warp <= WARP_TOLERANCE:
+                return hull
+    hulls = kernels.exact_hull(given, tolerance, eps)
+    if hulls is not kernels.UNDECIDED:
+        exact, merged, facet = hulls
+        hull = ConvexHull.with_attributes(exact)
+        return hull if merged is None else _merged(ConvexHull.with_attributes(merged), hull, facet)
     # Imported late: it imports SciPy, which takes longer than a hull.
-    from dicedesign.geometry.hulls.numpy_hull import hull_half_edges
+    from dicedesign.geometry.hulls.numpy_hull import exact_half_edges, merged_half_edges
 
     positions = given.astype(np.float64)
-    source, facet_start, tail, twin = hull_half_edges(positions, float(coplanar_tolerance), eps)
+    if tolerance > 0.0 and not is_rounded:
+        half_edges = merged_half_edges(positions, tolerance, eps)
+        if half_edges is not None:
+            hull = _with_properties(positions, half_edges)
+            if hull.warp <= WARP_TOLERANCE:
+                return hull
+    half_edges, coarser, facet = exact_half_edges(positions, tolerance, eps)
+    hull = _with_properties(positions, half_edges)
+    return hull if coarser is None else _merged(_with_properties(positions, coarser), hull, facet)
+
+
+def _merged(hull: ConvexHull, finer: ConvexHull, facet: Integers) -> ConvexHull:
+    """A hull with merged facets that knows the finer one, and has its centroid."""
+    hull.__dict__.update(finer=FinerHull(finer, facet), centroid=finer.centroid)
+    return hull
+
+
+def _with_properties(positions: Floats, half_edges: HalfEdges) -> ConvexHull:
+    source, facet_start, tail, twin = half_edges
     hull = ConvexHull(positions[source], source, facet_start, tail, twin)
     hull.__dict__.update(kernels.hull_properties(hull.vertices, facet_start, tail, twin) or {})
     return hull

@@ -12,15 +12,16 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull as QhullHull
-from scipy.spatial import QhullError, cKDTree
+from scipy.spatial import QhullError
 
 from dicedesign.errors import DegenerateBodyError
+from dicedesign.geometry.hulls.hull import HalfEdges
 from dicedesign.geometry.meshes.body import consistent_winding
 from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import doubled_area_vectors, edge_neighbors, find_parts
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import COPLANAR_WIDENINGS, FLATNESS_TOLERANCE, ROUNDING
+from dicedesign.tolerances import FLATNESS_TOLERANCE, ROUNDING
 
 
 def hull_triangles(points: Floats) -> tuple[Integers, Integers]:
@@ -108,14 +109,11 @@ def facet_labels(
         joined |= missed
 
 
-HalfEdges = tuple[Integers, Integers, Integers, Integers]
-"""`source`, `facet_start`, `tail` and `twin` of a `ConvexHull`."""
-
-
 def facet_loops(
     points: int, triangles: Integers, neighbors: Integers, labels: Integers
-) -> HalfEdges | None:
-    """Polygonal half-edge structure of labeled triangles, or None where it is no polyhedron.
+) -> tuple[HalfEdges, Integers] | None:
+    """Polygonal half-edge structure of labeled triangles with the facet (m,) of each label, or None
+    where it is no polyhedron.
 
     points: their number; triangles: (t, 3) of a closed surface, counter-clockwise seen from
     outside; neighbors: (t, 3) across the edge opposite to each corner; labels: (t,) facet of
@@ -132,7 +130,7 @@ def facet_loops(
     if sum(map(len, ahead)) < len(tails):
         return None
     loops = []
-    for border in ahead:
+    for label, border in enumerate(ahead):
         loop = list(border)[:1]
         while loop and border.get(loop[-1], loop[0]) != loop[0] and len(loop) < len(border):
             loop.append(border[loop[-1]])
@@ -141,23 +139,71 @@ def facet_loops(
         if not closed or len(loop) < len(border) or len(corners) < 3:
             return None
         lowest = corners.index(min(corners))
-        loops.append(corners[lowest:] + corners[:lowest])
+        loops.append((corners[lowest:] + corners[:lowest], label))
     loops.sort()
+    facet_of_label = np.argsort([label for _, label in loops])
+    loops = [loop for loop, _ in loops]
     source, tail = np.unique(list(chain(*loops)), return_inverse=True)
     head = np.searchsorted(source, list(chain(*(loop[1:] + loop[:1] for loop in loops))))
     numbers = {edge: number for number, edge in enumerate(zip(tail, head, strict=True))}
     twin = np.array([numbers.get(edge, -1) for edge in zip(head, tail, strict=True)])
     if (twin < 0).any() or len(source) - len(tail) // 2 + len(loops) != 2:
         return None
-    return source, np.cumsum([0, *map(len, loops)]), tail, twin
+    return (source, np.cumsum([0, *map(len, loops)]), tail, twin), facet_of_label
 
 
-def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: float) -> HalfEdges:
-    """`source`, `facet_start`, `tail` and `twin` of the `ConvexHull` of points.
+def merged_half_edges(
+    positions: Floats, coplanar_tolerance: float, precision: float
+) -> HalfEdges | None:
+    """Half-edges of the hull of points with facets that are flat within a tolerance above 0, or
+    None where these make no polyhedron or have corners closer together than the tolerance.
 
     positions: (n, 3); coplanar_tolerance: see `convex_hull`; precision: relative spacing of the
     coordinates. Raises DegenerateBodyError as `convex_hull`.
     """
+    scaled, tolerance = _scale(positions, coplanar_tolerance, precision)
+    try:
+        triangles, neighbors = hull_triangles(scaled)
+    except QhullError as error:
+        raise flat_error(scaled) from error
+    labels = facet_labels(scaled, triangles, neighbors, tolerance)
+    found = facet_loops(len(scaled), triangles, neighbors, labels)
+    if found is None:
+        return None
+    source, _, tails, twins = found[0]
+    tail, head = source[tails], source[tails[twins]]
+    return None if (norms(scaled[head] - scaled[tail]) <= tolerance).any() else found[0]
+
+
+def exact_half_edges(
+    positions: Floats, coplanar_tolerance: float, precision: float
+) -> tuple[HalfEdges, HalfEdges | None, Integers]:
+    """Half-edges of the hull of points as they are; and of the hull with facets that are merged
+    within a tolerance, with the merged facet (m,) of each facet, if any are and they make a
+    polyhedron. See `merged_half_edges`; the tolerance may be 0."""
+    scaled, tolerance = _scale(positions, coplanar_tolerance, precision)
+    extents = np.abs(scaled).max(axis=0)
+    facets = exact_facets(positions, scaled / np.where(extents > 0.0, extents, 1.0))
+    found = None if facets is None else facet_loops(len(positions), *facets)
+    if facets is None or found is None:
+        raise flat_error(scaled)
+    triangles, neighbors, flat = facets
+    half_edges, facet_of_flat = found
+    if coplanar_tolerance > 0.0:
+        labels = facet_labels(scaled, triangles, neighbors, tolerance)
+        merged = facet_loops(len(positions), triangles, neighbors, labels)
+        if merged is not None and len(merged[1]) < len(facet_of_flat):
+            facet = np.empty(len(facet_of_flat), dtype=np.int64)
+            facet[facet_of_flat[flat]] = merged[1][labels]
+            return half_edges, merged[0], facet
+    return half_edges, None, np.arange(len(facet_of_flat))
+
+
+def _scale(
+    positions: Floats, coplanar_tolerance: float, precision: float
+) -> tuple[Floats, float]:
+    """Points (n, 3) moved and scaled so that coordinates are at most 1, and the distance within
+    which they are coplanar. Raises DegenerateBodyError as `convex_hull`."""
     if len(positions) < 4:
         raise DegenerateBodyError(
             f"points: expected at least 4 that span a solid, got {len(positions)}; add points"
@@ -176,58 +222,8 @@ def hull_half_edges(positions: Floats, coplanar_tolerance: float, precision: flo
         raise DegenerateBodyError(
             "points: expected points that span a solid, got one repeated; pass distinct points"
         )
-    if coplanar_tolerance == 0.0:
-        extents = np.abs(local).max(axis=0)
-        facets = exact_facets(positions, local / np.where(extents > 0.0, extents, 1.0))
-        half_edges = None if facets is None else facet_loops(len(positions), *facets)
-        if half_edges is None:
-            raise flat_error(local / scale)
-        return half_edges
     magnitude = max(float(np.abs(lower).max()), float(np.abs(upper).max()))
-    tolerance = coplanar_tolerance + 4.0 * precision * magnitude / scale
-    used, scaled = np.arange(len(positions)), local / scale
-    while True:
-        try:
-            triangles, neighbors = hull_triangles(scaled[used])
-        except QhullError as error:
-            raise flat_error(scaled) from error
-        triangles = used[triangles]
-        for factor in COPLANAR_WIDENINGS:
-            labels = facet_labels(scaled, triangles, neighbors, factor * tolerance)
-            half_edges = facet_loops(len(scaled), triangles, neighbors, labels)
-            if half_edges is not None:
-                break
-        else:
-            break
-        repeated = _find_repeats(scaled, used, half_edges, tolerance)
-        if len(repeated) == 0:
-            return half_edges
-        used = np.setdiff1d(used, repeated)
-    across = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)[2][-1]
-    if np.ptp(scaled @ across) <= 2.0 * tolerance:
-        raise flat_error(scaled)
-    raise DegenerateBodyError(
-        "points: expected facets that can be distinguished, got none that make a polyhedron at a "
-        f"coplanar tolerance of {coplanar_tolerance:g}; pass another coplanar_tolerance or remove "
-        "points that nearly coincide"
-    )
-
-
-def _find_repeats(
-    points: Floats, used: Integers, half_edges: HalfEdges, distance: float
-) -> Integers:
-    """Find points in use within a distance of a vertex of lower number, which stands for them.
-
-    Only vertices with an edge that short are searched around.
-    """
-    source, _, tails, twins = half_edges
-    tail, head = source[tails], source[tails[twins]]
-    short = (norms(points[head] - points[tail]) <= distance) & (tail < head)
-    if not short.any():
-        return np.empty(0, dtype=np.int64)
-    standing = np.setdiff1d(tail[short], head[short])
-    close = cKDTree(points[used]).query_ball_point(points[standing], distance)
-    return np.setdiff1d(used[np.concatenate(close).astype(np.int64)], standing)
+    return local / scale, coplanar_tolerance + 4.0 * precision * magnitude / scale
 
 
 def flat_error(local: Floats) -> DegenerateBodyError:

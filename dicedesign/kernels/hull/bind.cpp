@@ -34,28 +34,47 @@ void put_connectivity(nb::dict& found, Connectivity&& connectivity) {
                                        array(std::move(connectivity.outgoing)));
 }
 
-nb::object convex_hull(const Points& given, double coplanar_tolerance, double precision,
-                       double sliver, double thin_volume, double rounding) {
-    std::optional<MadeHull> made = make_hull(rows(given), given.shape(0), coplanar_tolerance,
-                                             precision, {sliver, thin_volume, rounding});
-    if (!made) return nb::none();
+// Fields and properties of a `ConvexHull`, with its handle.
+nb::dict whole_hull(MadeHull&& made) {
     // A vector that is moved keeps its numbers where they are.
-    const Hull hull = made->hull();
-    const bool is_whole = made->measures.has_normals;
+    const Hull hull = made.hull();
+    const bool is_whole = made.measures.has_normals;
     nb::dict found;
-    put_connectivity(found, std::move(made->connectivity));
-    put_measures(found, std::move(made->measures));
-    found["vertices"] = array(std::move(made->vertices));
-    found["source"] = array(std::move(made->edges.source));
-    found["facet_start"] = array(std::move(made->edges.facet_start));
-    found["tail"] = array(std::move(made->edges.tail));
-    found["twin"] = array(std::move(made->edges.twin));
+    put_connectivity(found, std::move(made.connectivity));
+    put_measures(found, std::move(made.measures));
+    found["vertices"] = array(std::move(made.vertices));
+    found["source"] = array(std::move(made.edges.source));
+    found["facet_start"] = array(std::move(made.edges.facet_start));
+    found["tail"] = array(std::move(made.edges.tail));
+    found["twin"] = array(std::move(made.edges.twin));
     if (is_whole) {
         std::vector<nb::object> owners;
         for (const auto& item : found) owners.push_back(nb::borrow(item.second));
         found["handle"] = nb::cast(HullHandle(hull, std::move(owners)));
     }
     return found;
+}
+
+nb::object convex_hull(const Points& given, double coplanar_tolerance, double precision,
+                       double sliver, double thin_volume, double rounding) {
+    std::optional<MadeHull> made = make_hull(rows(given), given.shape(0), coplanar_tolerance,
+                                             precision, {sliver, thin_volume, rounding});
+    return made ? nb::object(whole_hull(std::move(*made))) : nb::none();
+}
+
+// The hull, and its facets merged with their numbers, or None for both.
+nb::object exact_hull(const Points& given, double coplanar_tolerance, double precision,
+                      double sliver, double thin_volume, double rounding) {
+    std::optional<ExactHull> made =
+        make_exact_hull(rows(given), given.shape(0), coplanar_tolerance, precision,
+                        {sliver, thin_volume, rounding});
+    if (!made) return nb::none();
+    nb::object merged = nb::none(), numbers = nb::none();
+    if (made->merged) {
+        merged = whole_hull(std::move(*made->merged));
+        numbers = array(std::move(made->merged_facet));
+    }
+    return nb::make_tuple(whole_hull(std::move(made->hull)), merged, numbers);
 }
 
 nb::dict hull_properties(const Points& vertices, const Indices& facet_start, const Indices& tail,
@@ -120,6 +139,7 @@ void bind_hull(nb::module_& module) {
     module.def("repeated_positions", &repeated_positions);
     module.def("moved_hull", &moved_hull);
     module.def("convex_hull", &convex_hull);
+    module.def("exact_hull", &exact_hull);
     module.def("hull_properties", &hull_properties);
 }
 

@@ -1,5 +1,7 @@
-// The box around points that may not be numbers.
+// The box around points that may not be numbers, and their scale.
 #pragma once
+
+#include <cmath>
 
 #include "vector.hpp"
 
@@ -19,6 +21,20 @@ struct Bounds : Box {
     }
 
     bool finite;
+};
+
+// Multiplies by a power of two in two steps, as the power itself may be no double.
+class PowerOfTwo {
+public:
+    explicit PowerOfTwo(int exponent)
+        : first_(std::ldexp(1.0, exponent / 2)),
+          second_(std::ldexp(1.0, exponent - exponent / 2)) {}
+
+    double operator()(double x) const { return x * first_ * second_; }
+    Vec operator()(const Vec& a) const { return {(*this)(a.x), (*this)(a.y), (*this)(a.z)}; }
+
+private:
+    double first_, second_;
 };
 
 }  // namespace dicedesign

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "hull/orientation.hpp"
+
 namespace dicedesign {
 namespace {
 
@@ -175,6 +177,32 @@ private:
 FacetLabels facet_labels(const std::vector<Vec>& points, const Triangles& triangles,
                          double tolerance) {
     return Labeling(points, triangles, tolerance).run();
+}
+
+FacetLabels flat_labels(const std::vector<Vec>& points, const Triangles& triangles) {
+    FacetLabels found{std::vector<int>(triangles.size(), NONE), 0};
+    std::vector<int> front;
+    for (std::size_t first = 0; first < triangles.size(); ++first) {
+        if (found.label[first] != NONE) continue;
+        found.label[first] = found.facets;
+        front.assign(1, static_cast<int>(first));
+        while (!front.empty()) {
+            const int t = front.back();
+            const Triangle& triangle = triangles[t];
+            front.pop_back();
+            for (const int other : triangle.neighbor) {
+                if (found.label[other] != NONE) continue;
+                const int beyond = triangles[other].corner[edge_to(triangles[other], t)];
+                if (exact_side(points[triangle.corner[0]], points[triangle.corner[1]],
+                               points[triangle.corner[2]], points[beyond]) != 0)
+                    continue;
+                found.label[other] = found.facets;
+                front.push_back(other);
+            }
+        }
+        ++found.facets;
+    }
+    return found;
 }
 
 }  // namespace dicedesign

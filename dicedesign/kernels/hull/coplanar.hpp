@@ -19,4 +19,7 @@ struct FacetLabels {
 FacetLabels facet_labels(const std::vector<Vec>& points, const Triangles& triangles,
                          double tolerance);
 
+// The same for facets that are exactly flat.
+FacetLabels flat_labels(const std::vector<Vec>& points, const Triangles& triangles);
+
 }  // namespace dicedesign

@@ -102,6 +102,7 @@ private:
             edge = following(edge);
         } while (edge != first);
         start_.push_back(static_cast<int>(corner_.size()));
+        label_of_.push_back(label_[triangle(first)]);
         return start_[facet + 1] - start_[facet] >= 3;
     }
 
@@ -141,10 +142,12 @@ private:
                           [&second](int f, int g) { return second[f] < second[g]; });
 
         found.facet_start.resize(facets_ + 1);
+        found.facet_of_label.resize(facets_);
         std::vector<int>& placed = second;
         for (int rank = 0, next = 0; rank < facets_; ++rank) {
             const int f = order[rank];
             placed[f] = next;
+            found.facet_of_label[label_of_[f]] = rank;
             next += start_[f + 1] - start_[f];
             found.facet_start[rank + 1] = next;
         }
@@ -171,8 +174,8 @@ private:
     // By triangle, a bit for each edge.
     std::vector<unsigned char> border_, walked_;
     std::vector<int> half_edge_;  // by edge, the one that begins with it
-    // By facet its first half-edge, by half-edge its corner and the last of its edges.
-    std::vector<int> start_, corner_, last_;
+    // By facet its label and first half-edge, by half-edge its corner and the last of its edges.
+    std::vector<int> label_of_, start_, corner_, last_;
 };
 
 }  // namespace

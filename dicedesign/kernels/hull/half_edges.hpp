@@ -13,6 +13,7 @@ namespace dicedesign {
 // As in `ConvexHull` of dicedesign/geometry/hulls/hull.py.
 struct HalfEdges {
     std::vector<Index> source, facet_start, tail, twin;
+    std::vector<Index> facet_of_label;
 };
 
 // Corners at which only two facets meet are left out. `number` is what `source` calls the points,

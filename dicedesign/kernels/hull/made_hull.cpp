@@ -8,39 +8,69 @@
 #include "hull/coplanar.hpp"
 #include "hull/quickhull.hpp"
 #include "hull/spatial_order.hpp"
+#include "twofold.hpp"
 
 namespace dicedesign {
 namespace {
 
 constexpr std::size_t MOST_POINTS = std::numeric_limits<std::int32_t>::max() / 32;
 
-// Points as multiples of 2^-51 up to 1, relative to half their extent.
-struct GridPoints {
-    GridPoints(const Vec* given, std::size_t count) : points(count), number(count) {
+// Points moved by one of them all and scaled by a power of two, both without rounding, so that no
+// coordinate exceeds 1.
+struct PlacedPoints {
+    PlacedPoints(const Vec* given, std::size_t count) : points(given, given + count), number(count) {
         const Bounds bounds(given, count);
         // Halved before they are added: the sum of two large ones is no double.
         const Vec middle = 0.5 * bounds.lower + 0.5 * bounds.upper;
-        scale = bounds.reach(middle);
-        valid = bounds.finite && scale >= std::numeric_limits<double>::min();
+        const double reach = bounds.reach(middle);
+        valid = bounds.finite && reach >= std::numeric_limits<double>::min();
         if (!valid) return;
-        relative_magnitude = bounds.magnitude() / scale;
-        for (std::size_t i = 0; i < count; ++i) {
-            const Vec local = given[i] - middle;
-            points[i] = {on_grid(local.x / scale), on_grid(local.y / scale),
-                         on_grid(local.z / scale)};
-        }
+        move_near(middle, reach);
+        const Bounds moved(points.data(), count);
+        std::frexp(moved.magnitude(), &exponent);
+        const PowerOfTwo shrink(-exponent);
+        for (Vec& p : points) p = shrink(p);
+        scale = shrink(reach);
+        magnitude = shrink(bounds.magnitude());
+        valid = has_no_tiny_digits();
         sort();
+    }
+
+    // Length within which points are coplanar, of the scaled points.
+    double length(double coplanar_tolerance, double precision) const {
+        return coplanar_tolerance * scale + 4.0 * precision * magnitude;
     }
 
     std::vector<Vec> points;
     std::vector<int> number;  // in which row a point was given
-    double scale = 0.0;
-    double relative_magnitude = 0.0;  // largest coordinate over half the extent
-    bool valid;                       // finite and not all in one place
+    int exponent = 0;
+    double scale = 0.0;      // half the extent,
+    double magnitude = 0.0;  // and the largest coordinate that was given, of the scaled points
+    bool valid;              // finite and not all in one place, and of digits that products keep
 
 private:
-    // Numbers from 2 to 4 have no finer digits.
-    static double on_grid(double x) { return (x + 3.0) - 3.0; }
+    // To a grid on which few digits are lost, if that loses none.
+    void move_near(const Vec& middle, double reach) {
+        int size;
+        std::frexp(reach, &size);
+        const double grid = std::ldexp(1.0, size - 8);
+        const auto rounded = [grid](double x) { return std::nearbyint(x / grid) * grid; };
+        const Vec shift{rounded(middle.x), rounded(middle.y), rounded(middle.z)};
+        if (largest(absolute(shift)) == 0.0) return;
+        for (const Vec& p : points)
+            if (exact_sum(p.x, -shift.x).low != 0.0 || exact_sum(p.y, -shift.y).low != 0.0 ||
+                exact_sum(p.z, -shift.z).low != 0.0)
+                return;
+        for (Vec& p : points) p = p - shift;
+    }
+
+    // Products of three differences must not underflow.
+    bool has_no_tiny_digits() const {
+        const auto is_tiny = [](double x) { return x != 0.0 && std::fabs(x) < 0x1p-288; };
+        for (const Vec& p : points)
+            if (is_tiny(p.x) || is_tiny(p.y) || is_tiny(p.z)) return false;
+        return true;
+    }
 
     // Many points are looked up faster where they are near each other.
     void sort() {
@@ -55,29 +85,15 @@ private:
     }
 };
 
-bool has_edge_within(const HalfEdges& edges, const Vec* points, double scale, double distance) {
+bool has_edge_within(const HalfEdges& edges, const Vec* given, int exponent, double distance) {
+    const PowerOfTwo shrink(-exponent);
     for (std::size_t h = 0; h < edges.tail.size(); ++h) {
         if (edges.twin[h] < static_cast<Index>(h)) continue;
-        const Vec& tail = points[edges.source[edges.tail[h]]];
-        const Vec& head = points[edges.source[edges.tail[edges.twin[h]]]];
-        const Vec along = head - tail;
-        if (norm({along.x / scale, along.y / scale, along.z / scale}) <= distance) return true;
+        const Vec& tail = given[edges.source[edges.tail[h]]];
+        const Vec& head = given[edges.source[edges.tail[edges.twin[h]]]];
+        if (norm(shrink(head - tail)) <= distance) return true;
     }
     return false;
-}
-
-std::optional<HalfEdges> half_edges_of(const Vec* given, std::size_t count,
-                                       double coplanar_tolerance, double precision) {
-    if (count < 4 || count > MOST_POINTS) return std::nullopt;
-    const GridPoints grid(given, count);
-    if (!grid.valid) return std::nullopt;
-    const double tolerance = coplanar_tolerance + 4.0 * precision * grid.relative_magnitude;
-    const std::optional<Triangles> triangles = quickhull(grid.points, grid.number, tolerance);
-    if (!triangles) return std::nullopt;
-    const FacetLabels facets = facet_labels(grid.points, *triangles, tolerance);
-    std::optional<HalfEdges> found = facet_loops(grid.number, *triangles, facets);
-    if (found && has_edge_within(*found, given, grid.scale, tolerance)) return std::nullopt;
-    return found;
 }
 
 Polyhedron polyhedron_of(const HalfEdges& edges, const std::vector<Vec>& vertices) {
@@ -105,18 +121,60 @@ Hull MadeHull::hull() const {
             measures.areas.data()};
 }
 
-std::optional<MadeHull> make_hull(const Vec* points, std::size_t count, double coplanar_tolerance,
-                                  double precision, const MeasureTolerances& tolerances) {
-    std::optional<HalfEdges> edges = half_edges_of(points, count, coplanar_tolerance, precision);
-    if (!edges) return std::nullopt;
+MadeHull MadeHull::of(const Vec* points, HalfEdges&& edges, const MeasureTolerances& tolerances) {
     std::vector<Vec> vertices;
-    vertices.reserve(edges->source.size());
-    for (const Index i : edges->source) vertices.push_back(points[i]);
-    const Polyhedron polyhedron = polyhedron_of(*edges, vertices);
+    vertices.reserve(edges.source.size());
+    for (const Index i : edges.source) vertices.push_back(points[i]);
+    const Polyhedron polyhedron = polyhedron_of(edges, vertices);
     Connectivity connectivity(polyhedron);
     Measures measures(polyhedron, tolerances);
-    return MadeHull{std::move(*edges), std::move(vertices), std::move(connectivity),
+    return MadeHull{std::move(edges), std::move(vertices), std::move(connectivity),
                     std::move(measures)};
+}
+
+std::optional<MadeHull> make_hull(const Vec* points, std::size_t count, double coplanar_tolerance,
+                                  double precision, const MeasureTolerances& tolerances) {
+    if (count < 4 || count > MOST_POINTS) return std::nullopt;
+    const PlacedPoints placed(points, count);
+    if (!placed.valid) return std::nullopt;
+    const double tolerance = placed.length(coplanar_tolerance, precision);
+    const std::optional<Triangles> triangles = quickhull(placed.points, placed.number, tolerance);
+    if (!triangles) return std::nullopt;
+    std::optional<HalfEdges> edges = facet_loops(
+        placed.number, *triangles, facet_labels(placed.points, *triangles, tolerance));
+    if (!edges || has_edge_within(*edges, points, placed.exponent, tolerance)) return std::nullopt;
+    return MadeHull::of(points, std::move(*edges), tolerances);
+}
+
+std::optional<ExactHull> make_exact_hull(const Vec* points, std::size_t count,
+                                         double coplanar_tolerance, double precision,
+                                         const MeasureTolerances& tolerances) {
+    if (count < 4 || count > MOST_POINTS) return std::nullopt;
+    const PlacedPoints placed(points, count);
+    if (!placed.valid) return std::nullopt;
+    std::optional<Triangles> triangles = quickhull(placed.points, placed.number, 0.0);
+    if (!triangles) return std::nullopt;
+    const FacetLabels flat = flat_labels(placed.points, *triangles);
+    std::optional<HalfEdges> edges = facet_loops(placed.number, *triangles, flat);
+    if (!edges) return std::nullopt;
+    std::optional<HalfEdges> merged;
+    std::vector<Index> merged_facet;
+    if (coplanar_tolerance > 0.0) {
+        const double tolerance = placed.length(coplanar_tolerance, precision);
+        const FacetLabels facets = facet_labels(placed.points, *triangles, tolerance);
+        if (facets.facets < flat.facets) merged = facet_loops(placed.number, *triangles, facets);
+        if (merged) {
+            merged_facet.resize(flat.facets);
+            for (std::size_t t = triangles->size(); t-- > 0;)
+                merged_facet[edges->facet_of_label[flat.label[t]]] =
+                    merged->facet_of_label[facets.label[t]];
+        }
+    }
+    triangles.reset();
+    ExactHull found{MadeHull::of(points, std::move(*edges), tolerances), std::nullopt,
+                    std::move(merged_facet)};
+    if (merged) found.merged = MadeHull::of(points, std::move(*merged), tolerances);
+    return found;
 }
 
 }  // namespace dicedesign

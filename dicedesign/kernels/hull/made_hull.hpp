@@ -17,14 +17,30 @@ struct MadeHull {
     Connectivity connectivity;
     Measures measures;
 
+    static MadeHull of(const Vec* points, HalfEdges&& edges, const MeasureTolerances& tolerances);
+
     // Both point into this.
     Polyhedron polyhedron() const;
     Hull hull() const;
 };
 
-// The hull of points, see `convex_hull` in dicedesign/geometry/hulls/hull.py; nothing where that is
-// uncertain. It has no normals where a facet is a sliver.
+// The hull of points with facets that are flat within a tolerance above 0, see `convex_hull` in
+// dicedesign/geometry/hulls/hull.py; nothing where that is uncertain. It has no normals where a
+// facet is a sliver.
 std::optional<MadeHull> make_hull(const Vec* points, std::size_t count, double coplanar_tolerance,
                                   double precision, const MeasureTolerances& tolerances);
+
+// The hull of points as they are: its facets are exactly flat.
+struct ExactHull {
+    MadeHull hull;
+    std::optional<MadeHull> merged;   // its facets merged, if any are and they make a polyhedron,
+    std::vector<Index> merged_facet;  // and the one that each facet belongs to
+};
+
+// A tolerance of 0 merges nothing. Nothing where the points span no solid, or have digits so small
+// that products lose them.
+std::optional<ExactHull> make_exact_hull(const Vec* points, std::size_t count,
+                                         double coplanar_tolerance, double precision,
+                                         const MeasureTolerances& tolerances);
 
 }  // namespace dicedesign

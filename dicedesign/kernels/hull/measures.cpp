@@ -4,24 +4,12 @@
 #include <limits>
 #include <numeric>
 
+#include "hull/bounds.hpp"
 #include "hull/triangulation.hpp"
+#include "twofold.hpp"
 
 namespace dicedesign {
 namespace {
-
-// Multiplies by a power of two in two steps, as the power itself may be no double.
-class PowerOfTwo {
-public:
-    explicit PowerOfTwo(int exponent)
-        : first_(std::ldexp(1.0, exponent / 2)),
-          second_(std::ldexp(1.0, exponent - exponent / 2)) {}
-
-    double operator()(double x) const { return x * first_ * second_; }
-    Vec operator()(const Vec& a) const { return {(*this)(a.x), (*this)(a.y), (*this)(a.z)}; }
-
-private:
-    double first_, second_;
-};
 
 // Sums of many numbers in blocks: errors grow with the size and with the number of blocks.
 template <class T>
@@ -62,6 +50,24 @@ private:
     BlockSum<double> volumes_;
     BlockSum<Vec> moments_;
 };
+
+// Part of the square over its longest edge above which a facet has all digits of its normal when
+// its area is computed in twofold numbers.
+constexpr double TWOFOLD_SLIVER = 0x1p-46;
+
+// Normal of a facet, times twice its area, computed in twofold numbers and rounded once.
+Vec sliver_area_vector(const Polyhedron& hull, const std::vector<Vec>& points, Index facet) {
+    const Index first = hull.facet_start[facet], end = hull.facet_start[facet + 1];
+    const Vec& anchor = points[hull.tail[first]];
+    const auto arm = [&](Index h) {
+        const Vec& corner = points[hull.tail[h]];
+        return Vector<Twofold>{exact_sum(corner.x, -anchor.x), exact_sum(corner.y, -anchor.y),
+                               exact_sum(corner.z, -anchor.z)};
+    };
+    Vector<Twofold> total{0.0, 0.0, 0.0};
+    for (Index h = first + 1; h + 1 < end; ++h) total = total + cross(arm(h), arm(h + 1));
+    return {total.x.high, total.y.high, total.z.high};
+}
 
 }  // namespace
 
@@ -137,8 +143,12 @@ bool Measures::measure_facet(const Polyhedron& hull, const std::vector<Vec>& poi
         if (h != first && h + 1 != end)
             doubled = doubled + doubled_area_vector(anchor, corner, after);
     }
-    const double size = norm(doubled);
-    if (!(size > sliver * longest)) return false;
+    double size = norm(doubled);
+    if (!(size > sliver * longest)) {
+        doubled = sliver_area_vector(hull, points, facet);
+        size = norm(doubled);
+        if (!(size > TWOFOLD_SLIVER * longest)) return false;
+    }
     const Vec normal{doubled.x / size, doubled.y / size, doubled.z / size};
     double lowest = 0.0, highest = 0.0;
     for (Index h = first + 1; h < end; ++h) {

@@ -22,7 +22,7 @@ struct MeasureTolerances {
 struct Measures {
     Measures(const Polyhedron& hull, const MeasureTolerances& tolerances);
 
-    bool has_normals = false;  // none has where a facet is a sliver
+    bool has_normals = false;  // none has where a facet is too thin a sliver
     std::vector<Vec> normals;
     std::vector<double> areas;
     double unevenness = 0.0;

@@ -22,50 +22,60 @@ public:
         size_ = kept;
     }
 
+    void add_product(const Twofold& a, const Twofold& b, const Twofold& c) {
+        for (const double i : {a.high, a.low})
+            for (const double j : {b.high, b.low})
+                for (const double k : {c.high, c.low})
+                    if (i != 0.0 && j != 0.0 && k != 0.0) add_product(i, j, k);
+    }
+
+    int sign() const { return size_ == 0 ? 0 : (part_[size_ - 1] > 0.0 ? 1 : -1); }
+
+private:
     void add_product(double a, double b, double c) {
         const Twofold first = exact_product(a, b);
         add_product(first.high, c);
         if (first.low != 0.0) add_product(first.low, c);
     }
 
-    int sign() const { return size_ == 0 ? 0 : (part_[size_ - 1] > 0.0 ? 1 : -1); }
-
-private:
     void add_product(double a, double b) {
         const Twofold product = exact_product(a, b);
         add(product.high);
         add(product.low);
     }
 
-    double part_[24];  // each of six products of two exact products brings four
+    double part_[192];  // each of six products of three pairs brings eight times four
     int size_ = 0;
 };
 
 // 1 where q is above the triangle a, b, c, which turns counter-clockwise seen from above, -1 where
-// it is below, 0 where all four are on one plane. Differences of the points must be doubles and no
-// product of three of them may underflow, as for multiples of 2^-51 up to 1.
+// it is below, 0 where all four are on one plane. Coordinates are at most 1, and no product of
+// three differences may lose digits to underflow.
 inline int exact_side(const Vec& a, const Vec& b, const Vec& c, const Vec& q) {
     const Vec u = b - a, v = c - a, w = q - a;
     const Vec normal = cross(u, v);
     const Vec size{std::fabs(u.y * v.z) + std::fabs(u.z * v.y),
                    std::fabs(u.z * v.x) + std::fabs(u.x * v.z),
                    std::fabs(u.x * v.y) + std::fabs(u.y * v.x)};
-    // At most five roundings of 2^-53 on the way of each of the six products, and a margin.
-    const double value = dot(normal, w), bound = 0x1p-50 * dot(size, absolute(w));
+    // At most eight roundings of 2^-53 on the way of each of the six products, and a margin.
+    const double value = dot(normal, w), bound = 0x1p-49 * dot(size, absolute(w));
     if (value > bound) return 1;
     if (value < -bound) return -1;
     if (bound == 0.0) return 0;
-    // The same with twice the digits, where roundings are below 2^-103.
-    const auto longer = [](const Vec& p) { return Vector<Twofold>{p.x, p.y, p.z}; };
-    const double better = dot(cross(longer(u), longer(v)), longer(w)).high;
+    // The same with twice the digits, where roundings are below 2^-102.
+    const auto difference = [](const Vec& p, const Vec& r) {
+        return Vector<Twofold>{exact_sum(p.x, -r.x), exact_sum(p.y, -r.y), exact_sum(p.z, -r.z)};
+    };
+    const Vector<Twofold> i = difference(b, a), j = difference(c, a), k = difference(q, a);
+    const double better = dot(cross(i, j), k).high;
     if (std::fabs(better) > 0x1p-48 * bound) return better > 0.0 ? 1 : -1;
     ExactSum sum;
-    sum.add_product(u.y, v.z, w.x);
-    sum.add_product(-u.z, v.y, w.x);
-    sum.add_product(u.z, v.x, w.y);
-    sum.add_product(-u.x, v.z, w.y);
-    sum.add_product(u.x, v.y, w.z);
-    sum.add_product(-u.y, v.x, w.z);
+    sum.add_product(i.y, j.z, k.x);
+    sum.add_product(-i.z, j.y, k.x);
+    sum.add_product(i.z, j.x, k.y);
+    sum.add_product(-i.x, j.z, k.y);
+    sum.add_product(i.x, j.y, k.z);
+    sum.add_product(-i.y, j.x, k.z);
     return sum.sign();
 }
 

@@ -18,10 +18,10 @@
 namespace dicedesign {
 namespace {
 
-// Bound on the rounding error of a height above a plane, relative to the longest side of its
-// triangle along the axes, heights being multiplied by its doubled area: 144 units suffice for
-// coordinates up to 1 whose differences are doubles.
-constexpr double PLANE_ROUNDING = 160.0 * 0x1p-53;
+// Bound on the rounding error of a height above a plane, relative to the square of the longest side
+// of its triangle along the axes, heights being multiplied by its doubled area: 100 units suffice
+// for coordinates up to 1.
+constexpr double PLANE_ROUNDING = 128.0 * 0x1p-53;
 
 // A facet that keeps more points than this waits for its turn.
 constexpr int CROWD = 256;
@@ -79,7 +79,7 @@ private:
         const Vec u = points_[b] - points_[a], v = points_[c] - points_[a];
         const Vec normal = cross(u, v);
         const double longest = larger(largest(absolute(u)), largest(absolute(v)));
-        return {normal, dot(normal, points_[a]), PLANE_ROUNDING * longest};
+        return {normal, dot(normal, points_[a]), PLANE_ROUNDING * longest * longest};
     }
 
     // Whether a point is above the triangle of a plane, at the height that was computed.

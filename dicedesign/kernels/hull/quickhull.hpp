@@ -9,8 +9,8 @@
 
 namespace dicedesign {
 
-// The hull of points on the grid of multiples of 2^-51 up to 1: no point lies above a triangle and
-// no triangle is degenerate, but neighbors may lie in one plane. Points may come in any order;
+// The hull of points with coordinates up to 1: no point lies above a triangle and no triangle is
+// degenerate, but neighbors may lie in one plane. Points may come in any order;
 // `number` is what counts as theirs. The first of points at one place stands for all. Nothing where
 // all points are on one plane, or where one that is left out is as near as `near` to a corner of
 // higher number, measured along the axes.

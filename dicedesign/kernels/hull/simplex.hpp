@@ -13,8 +13,7 @@ namespace dicedesign {
 // counter-clockwise seen from above.
 using Simplex = std::array<int, 4>;
 
-// Corners among points that are far from each other; nothing where points on the grid of
-// `quickhull` are on one plane.
+// Corners among points that are far from each other; nothing where they are on one plane.
 std::optional<Simplex> wide_simplex(const std::vector<Vec>& points);
 
 }  // namespace dicedesign
