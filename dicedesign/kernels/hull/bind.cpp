@@ -34,19 +34,25 @@ void put_connectivity(nb::dict& found, Connectivity&& connectivity) {
                                        array(std::move(connectivity.outgoing)));
 }
 
-// Fields and properties of a `ConvexHull`, with its handle.
-nb::dict whole_hull(MadeHull&& made) {
-    // A vector that is moved keeps its numbers where they are.
-    const Hull hull = made.hull();
-    const bool is_whole = made.measures.has_normals;
+// Fields and measures of a `ConvexHull`. A vector that is moved keeps its numbers where they are.
+nb::dict measured_hull(MeasuredHull&& made) {
     nb::dict found;
-    put_connectivity(found, std::move(made.connectivity));
     put_measures(found, std::move(made.measures));
     found["vertices"] = array(std::move(made.vertices));
     found["source"] = array(std::move(made.edges.source));
     found["facet_start"] = array(std::move(made.edges.facet_start));
     found["tail"] = array(std::move(made.edges.tail));
     found["twin"] = array(std::move(made.edges.twin));
+    return found;
+}
+
+// All that kernels use, and a handle.
+nb::dict whole_hull(MadeHull&& made) {
+    const Hull hull = made.hull();
+    const bool is_whole = made.measures.has_normals;
+    Connectivity connectivity = std::move(made.connectivity);
+    nb::dict found = measured_hull(std::move(made));
+    put_connectivity(found, std::move(connectivity));
     if (is_whole) {
         std::vector<nb::object> owners;
         for (const auto& item : found) owners.push_back(nb::borrow(item.second));
@@ -71,7 +77,7 @@ nb::object exact_hull(const Points& given, double coplanar_tolerance, double pre
     if (!made) return nb::none();
     nb::object merged = nb::none(), numbers = nb::none();
     if (made->merged) {
-        merged = whole_hull(std::move(*made->merged));
+        merged = measured_hull(std::move(*made->merged));
         numbers = array(std::move(made->merged_facet));
     }
     return nb::make_tuple(whole_hull(std::move(made->hull)), merged, numbers);

@@ -96,7 +96,21 @@ bool has_edge_within(const HalfEdges& edges, const Vec* given, int exponent, dou
     return false;
 }
 
-Polyhedron polyhedron_of(const HalfEdges& edges, const std::vector<Vec>& vertices) {
+std::vector<Vec> corners(const Vec* points, const std::vector<Index>& source) {
+    std::vector<Vec> found;
+    found.reserve(source.size());
+    for (const Index i : source) found.push_back(points[i]);
+    return found;
+}
+
+}  // namespace
+
+MeasuredHull::MeasuredHull(const Vec* points, HalfEdges&& half_edges,
+                           const MeasureTolerances& tolerances)
+    : edges(std::move(half_edges)), vertices(corners(points, edges.source)),
+      measures(polyhedron(), tolerances) {}
+
+Polyhedron MeasuredHull::polyhedron() const {
     return {vertices.data(),
             static_cast<Index>(vertices.size()),
             edges.facet_start.data(),
@@ -105,9 +119,8 @@ Polyhedron polyhedron_of(const HalfEdges& edges, const std::vector<Vec>& vertice
             edges.twin.data()};
 }
 
-}  // namespace
-
-Polyhedron MadeHull::polyhedron() const { return polyhedron_of(edges, vertices); }
+MadeHull::MadeHull(const Vec* points, HalfEdges&& half_edges, const MeasureTolerances& tolerances)
+    : MeasuredHull(points, std::move(half_edges), tolerances), connectivity(polyhedron()) {}
 
 Hull MadeHull::hull() const {
     return {polyhedron(),
@@ -121,17 +134,6 @@ Hull MadeHull::hull() const {
             measures.areas.data()};
 }
 
-MadeHull MadeHull::of(const Vec* points, HalfEdges&& edges, const MeasureTolerances& tolerances) {
-    std::vector<Vec> vertices;
-    vertices.reserve(edges.source.size());
-    for (const Index i : edges.source) vertices.push_back(points[i]);
-    const Polyhedron polyhedron = polyhedron_of(edges, vertices);
-    Connectivity connectivity(polyhedron);
-    Measures measures(polyhedron, tolerances);
-    return MadeHull{std::move(edges), std::move(vertices), std::move(connectivity),
-                    std::move(measures)};
-}
-
 std::optional<MadeHull> make_hull(const Vec* points, std::size_t count, double coplanar_tolerance,
                                   double precision, const MeasureTolerances& tolerances) {
     if (count < 4 || count > MOST_POINTS) return std::nullopt;
@@ -143,7 +145,7 @@ std::optional<MadeHull> make_hull(const Vec* points, std::size_t count, double c
     std::optional<HalfEdges> edges = facet_loops(
         placed.number, *triangles, facet_labels(placed.points, *triangles, tolerance));
     if (!edges || has_edge_within(*edges, points, placed.exponent, tolerance)) return std::nullopt;
-    return MadeHull::of(points, std::move(*edges), tolerances);
+    return MadeHull(points, std::move(*edges), tolerances);
 }
 
 std::optional<ExactHull> make_exact_hull(const Vec* points, std::size_t count,
@@ -171,9 +173,9 @@ std::optional<ExactHull> make_exact_hull(const Vec* points, std::size_t count,
         }
     }
     triangles.reset();
-    ExactHull found{MadeHull::of(points, std::move(*edges), tolerances), std::nullopt,
+    ExactHull found{MadeHull(points, std::move(*edges), tolerances), std::nullopt,
                     std::move(merged_facet)};
-    if (merged) found.merged = MadeHull::of(points, std::move(*merged), tolerances);
+    if (merged) found.merged.emplace(points, std::move(*merged), tolerances);
     return found;
 }
 

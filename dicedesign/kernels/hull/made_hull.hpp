@@ -10,18 +10,26 @@
 
 namespace dicedesign {
 
-// A hull with its half-edges, vertices and properties.
-struct MadeHull {
+// Half-edges between the vertices of a hull, and its measures.
+struct MeasuredHull {
+    MeasuredHull(const Vec* points, HalfEdges&& half_edges, const MeasureTolerances& tolerances);
+
+    // Points into this.
+    Polyhedron polyhedron() const;
+
     HalfEdges edges;
     std::vector<Vec> vertices;
-    Connectivity connectivity;
     Measures measures;
+};
 
-    static MadeHull of(const Vec* points, HalfEdges&& edges, const MeasureTolerances& tolerances);
+// The same with all that kernels use.
+struct MadeHull : MeasuredHull {
+    MadeHull(const Vec* points, HalfEdges&& half_edges, const MeasureTolerances& tolerances);
 
-    // Both point into this.
-    Polyhedron polyhedron() const;
+    // Points into this.
     Hull hull() const;
+
+    Connectivity connectivity;
 };
 
 // The hull of points with facets that are flat within a tolerance above 0, see `convex_hull` in
@@ -33,8 +41,8 @@ std::optional<MadeHull> make_hull(const Vec* points, std::size_t count, double c
 // The hull of points as they are: its facets are exactly flat.
 struct ExactHull {
     MadeHull hull;
-    std::optional<MadeHull> merged;   // its facets merged, if any are and they make a polyhedron,
-    std::vector<Index> merged_facet;  // and the one that each facet belongs to
+    std::optional<MeasuredHull> merged;  // its facets merged, if any are and make a polyhedron,
+    std::vector<Index> merged_facet;     // and the one that each facet belongs to
 };
 
 // A tolerance of 0 merges nothing. Nothing where the points span no solid, or have digits so small
