@@ -89,7 +89,9 @@ def merged_rests(hull: ConvexHull, side: Basins) -> Integers:
     """(r,) the facet of a body's hull that each rest of a side stands on: its own, or the one that
     it is shown as part of where basins are those of `ConvexHull.finer`."""
     rests = side.paths.rests
-    return rests if hull.finer is None else hull.finer.facet[rests]
+    if hull.finer is None or side.equilibria.hull is hull:
+        return rests
+    return hull.finer.facet[rests]
 
 
 def _basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:

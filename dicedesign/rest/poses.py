@@ -112,15 +112,11 @@ class MorseComplex:
 
     @cached_property
     def basin_of_facet(self) -> Integers:
-        """(m,) the rest to which each facet of the body's hull rolls."""
-        own = np.arange(len(self.facet))
+        """(m',) the rest to which each facet of the classified hull rolls."""
         place = np.full(int(self.facet.max()) + 1, -1, dtype=np.int64)
         place[self.rest_facets] = np.arange(len(self.rest_facets))
-        # Of facets that are shown as one, the first counts.
-        first = np.unique(self.facet, return_index=True)[1]
-        destined = place[self.facet[trace_to_rests(self.equilibria, own[first])]]
-        destined[self.rest_facets] = place[self.rest_facets]
-        return destined
+        facets = np.arange(len(self.facet))
+        return place[self.facet[trace_to_rests(self.equilibria, facets)]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,22 +180,22 @@ class RestPoses:
         if prior is None:
             if self.prior is None:
                 return self
-            areas = self.mean_of_sides([side.areas for side in self.basins])
+            areas = self.mean_of_sides(self.basins, [side.areas for side in self.basins])
             return self._with_probabilities(None, areas / (4.0 * np.pi), None)
         # Imported late: most queries do not need it.
         from dicedesign.rest.prior import prior_of
 
         prior = prior_of(prior)
         estimates = [prior.probabilities(side) for side in self.basins]
-        probabilities = self.mean_of_sides([each.probabilities for each in estimates])
-        errors = self.mean_of_sides([each.errors for each in estimates])
+        probabilities = self.mean_of_sides(self.basins, [each.probabilities for each in estimates])
+        errors = self.mean_of_sides(self.basins, [each.errors for each in estimates])
         return self._with_probabilities(prior, probabilities, errors)
 
-    def mean_of_sides(self, values: list[Floats]) -> Floats:
+    def mean_of_sides(self, sides: tuple[Basins, ...], values: list[Floats]) -> Floats:
         """(k,) sums of values over the facets that a rest stands on, of which each side has one
         (r,) for each of its own rests; the mean of the sides."""
         of_facet = np.zeros(len(self.hull.normals))
-        for side, own in zip(self.basins, values, strict=True):
+        for side, own in zip(sides, values, strict=True):
             np.add.at(of_facet, merged_rests(self.hull, side), own)
         mean: Floats = of_facet[self.facets] / len(values)
         return mean

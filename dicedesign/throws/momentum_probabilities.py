@@ -25,6 +25,7 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import Body, body_of
 from dicedesign.geometry.triangles import Surface
 from dicedesign.kernels import ops as kernels
+from dicedesign.rest.basins import find_basins
 from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
@@ -40,7 +41,7 @@ from dicedesign.throws.momentum_model import (
 )
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.transition_features import Features, Transitions, body_features
-from dicedesign.tolerances import ROUNDING
+from dicedesign.tolerances import ROUNDING, WARP_TOLERANCE
 
 
 def landing_probabilities(
@@ -175,10 +176,17 @@ def thrown_probabilities(
         )
     if mixture is None or len(poses.facets) == 1:
         return poses.probabilities
+    # The model was learned from bodies with flat facets, and takes bends for ridges.
+    sides = poses.basins
+    if poses.hull.finer is not None and poses.hull.warp <= WARP_TOLERANCE:
+        merged = find_basins(poses.hull, poses.center_of_mass)
+        rests = np.concatenate([side.paths.rests for side in merged])
+        if merged[0].equilibria.hull is poses.hull and np.isin(rests, poses.facets).all():
+            sides = merged
     of_sides = []
-    for side in poses.basins:
+    for side in sides:
         hull, center = side.equilibria.hull, side.equilibria.center_of_mass
         probabilities = side.areas / (4.0 * math.pi)
         known = hull, side.paths, center, inertia, probabilities
         of_sides.append(mixture_probabilities(*known, mixture))
-    return poses.mean_of_sides(of_sides)
+    return poses.mean_of_sides(sides, of_sides)

@@ -94,7 +94,8 @@ def rigid_body(
     """
     body = body_of(points_or_mesh)
     poses = poses or rest_poses(body)
-    hull, center, morse = poses.hull, poses.center_of_mass, poses.morse
+    center, morse = poses.center_of_mass, poses.morse
+    hull = morse.equilibria.hull
     arms = hull.vertices - center
     radius = float(np.linalg.norm(arms, axis=1).max())
     moments, axes = np.linalg.eigh(_solid_inertia(body, poses) if inertia is None else inertia)
@@ -106,12 +107,11 @@ def rigid_body(
     heights = (morse.saddles @ axes @ vertices.T).max(axis=1, initial=-np.inf)
     for basins in morse.saddle_basins.T:
         np.minimum.at(barriers, basins, heights)
-    normals = np.ascontiguousarray(hull.normals @ axes)
-    rest_normals = normals[poses.facets]
+    rest_normals = poses.normals @ axes
     rest_heights = (rest_normals @ vertices.T).max(axis=1)
     turned = rest_normals * moments / radius**2
     products = turned - (turned * rest_normals).sum(axis=1)[:, None] * rest_normals
-    distances = _edge_distances(hull, normals, vertices)[poses.facets]
+    distances = _edge_distances(poses)[poses.facets] / radius
     return RigidBody(
         name=body.name,
         radius=radius,
@@ -122,7 +122,7 @@ def rigid_body(
         neighbors=hull.head[order],
         left=hull.facet[order],
         right=hull.facet[hull.twin[order]],
-        normals=normals,
+        normals=np.ascontiguousarray(hull.normals @ axes),
         rest_of_facet=morse.basin_of_facet,
         rest_normals=rest_normals,
         rest_heights=rest_heights,
@@ -131,14 +131,15 @@ def rigid_body(
     )
 
 
-def _edge_distances(hull: ConvexHull, normals: Floats, vertices: Floats) -> Floats:
-    """(m,) least distance of an edge of each facet from the foot of the origin in it; negative if
-    the foot is outside."""
-    tails, heads = vertices[hull.tail], vertices[hull.head]
-    outward = np.cross(heads - tails, normals[hull.facet])
+def _edge_distances(poses: RestPoses) -> Floats:
+    """(m,) least distance of an edge of each facet of a body's hull from the foot of the center of
+    mass in it; negative if the foot is outside."""
+    hull = poses.hull
+    arms = hull.vertices - poses.center_of_mass
+    outward = np.cross(arms[hull.head] - arms[hull.tail], hull.normals[hull.facet])
     outward /= np.linalg.norm(outward, axis=1)[:, None]
-    distances = np.full(len(normals), np.inf)
-    np.minimum.at(distances, hull.facet, (outward * tails).sum(axis=1))
+    distances = np.full(len(hull.normals), np.inf)
+    np.minimum.at(distances, hull.facet, (outward * arms[hull.tail]).sum(axis=1))
     return distances
 
 

@@ -47,9 +47,6 @@ FLOAT32_EPS = float(np.finfo(np.float32).eps)
 
 FLOAT64_EPS = float(np.finfo(np.float64).eps)
 
-HalfEdges = tuple[Integers, Integers, Integers, Integers]
-"""`source`, `facet_start`, `tail` and `twin` of a `ConvexHull`."""
-
 
 class FinerHull(NamedTuple):
     """The hull of points as they are, beside one with merged facets.
@@ -267,14 +264,15 @@ def convex_hull(
 
     Rounding bends facets: those of rounded points are merged to be shown, and the hull of the
     points as they are, which says how the body rests, is `ConvexHull.finer`. So it is where merged
-    facets of other points do not meet in lines (`WARP_TOLERANCE`), or corners are closer together
-    than the tolerance. Where they make no polyhedron, none are merged.
+    facets of other points do not meet in lines (`WARP_TOLERANCE`). Where they make no polyhedron,
+    none are merged.
 
     Parameters
     ----------
     points: (n, 3) in any length unit.
     coplanar_tolerance: largest distance from a facet's plane, relative to half the extent of the
-        points; the rounding of points far from the origin is added. Default: `COPLANAR_TOLERANCE`,
+        points; the rounding of points far from the origin is added, and points that are not rounded
+        and closer together than that are merged. Default: `COPLANAR_TOLERANCE`,
         or `COPLANAR_TOLERANCE_FLOAT32` for rounded points. At 0 nothing is merged: facets are
         exactly flat and edges exactly convex. Rounded points with a tolerance that is given count
         as others.
@@ -298,39 +296,44 @@ def convex_hull(
             "leave it out for the default"
         )
     tolerance = float(coplanar_tolerance)
-    if tolerance > 0.0 and not is_rounded:
-        attributes = kernels.convex_hull(given, tolerance, eps)
-        if attributes is not kernels.UNDECIDED:
-            hull = ConvexHull.with_attributes(attributes)
-            if hull.warp <= WARP_TOLERANCE:
-                return hull
+    merged = None if is_rounded or tolerance == 0.0 else _merged_hull(given, tolerance, eps)
+    if merged is not None and merged.warp <= WARP_TOLERANCE:
+        return merged
     hulls = kernels.exact_hull(given, tolerance, eps)
     if hulls is not kernels.UNDECIDED:
-        exact, merged, facet = hulls
-        hull = ConvexHull.with_attributes(exact)
-        return hull if merged is None else _merged(ConvexHull.with_attributes(merged), hull, facet)
+        fields, coarser, facet = hulls
+        hull = ConvexHull.with_attributes(fields)
+        return hull if coarser is None else _pair(ConvexHull.with_attributes(coarser), hull, facet)
     # Imported late: it imports SciPy, which takes longer than a hull.
-    from dicedesign.geometry.hulls.numpy_hull import exact_half_edges, merged_half_edges
+    from dicedesign.geometry.hulls.numpy_hull import exact_half_edges
 
     positions = given.astype(np.float64)
-    if tolerance > 0.0 and not is_rounded:
-        half_edges = merged_half_edges(positions, tolerance, eps)
-        if half_edges is not None:
-            hull = _with_properties(positions, half_edges)
-            if hull.warp <= WARP_TOLERANCE:
-                return hull
-    half_edges, coarser, facet = exact_half_edges(positions, tolerance, eps)
-    hull = _with_properties(positions, half_edges)
-    return hull if coarser is None else _merged(_with_properties(positions, coarser), hull, facet)
+    half_edges, merged_edges, facet = exact_half_edges(positions, tolerance, eps)
+    hull = _of_half_edges(positions, half_edges)
+    if merged_edges is None:
+        return hull
+    return _pair(_of_half_edges(positions, merged_edges), hull, facet)
 
 
-def _merged(hull: ConvexHull, finer: ConvexHull, facet: Integers) -> ConvexHull:
+def _merged_hull(given: NDArray[Any], tolerance: float, eps: float) -> ConvexHull | None:
+    """Hull of points with merged facets, or None where they make no polyhedron."""
+    fields = kernels.convex_hull(given, tolerance, eps)
+    if fields is not kernels.UNDECIDED:
+        return ConvexHull.with_attributes(fields)
+    from dicedesign.geometry.hulls.numpy_hull import merged_half_edges
+
+    positions = given.astype(np.float64)
+    half_edges = merged_half_edges(positions, tolerance, eps)
+    return None if half_edges is None else _of_half_edges(positions, half_edges)
+
+
+def _pair(hull: ConvexHull, finer: ConvexHull, facet: Integers) -> ConvexHull:
     """A hull with merged facets that knows the finer one, and has its centroid."""
     hull.__dict__.update(finer=FinerHull(finer, facet), centroid=finer.centroid)
     return hull
 
 
-def _with_properties(positions: Floats, half_edges: HalfEdges) -> ConvexHull:
+def _of_half_edges(positions: Floats, half_edges: tuple[Integers, ...]) -> ConvexHull:
     source, facet_start, tail, twin = half_edges
     hull = ConvexHull(positions[source], source, facet_start, tail, twin)
     hull.__dict__.update(kernels.hull_properties(hull.vertices, facet_start, tail, twin) or {})

@@ -12,10 +12,9 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull as QhullHull
-from scipy.spatial import QhullError
+from scipy.spatial import QhullError, cKDTree
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hulls.hull import HalfEdges
 from dicedesign.geometry.meshes.body import consistent_winding
 from dicedesign.geometry.predicates import Orientation
 from dicedesign.geometry.sphere import norms
@@ -109,6 +108,10 @@ def facet_labels(
         joined |= missed
 
 
+HalfEdges = tuple[Integers, Integers, Integers, Integers]
+"""`source`, `facet_start`, `tail` and `twin` of a `ConvexHull`."""
+
+
 def facet_loops(
     points: int, triangles: Integers, neighbors: Integers, labels: Integers
 ) -> tuple[HalfEdges, Integers] | None:
@@ -156,23 +159,44 @@ def merged_half_edges(
     positions: Floats, coplanar_tolerance: float, precision: float
 ) -> HalfEdges | None:
     """Half-edges of the hull of points with facets that are flat within a tolerance above 0, or
-    None where these make no polyhedron or have corners closer together than the tolerance.
+    None where these make no polyhedron. Points closer together than the tolerance are merged.
 
     positions: (n, 3); coplanar_tolerance: see `convex_hull`; precision: relative spacing of the
     coordinates. Raises DegenerateBodyError as `convex_hull`.
     """
     scaled, tolerance = _scale(positions, coplanar_tolerance, precision)
-    try:
-        triangles, neighbors = hull_triangles(scaled)
-    except QhullError as error:
-        raise flat_error(scaled) from error
-    labels = facet_labels(scaled, triangles, neighbors, tolerance)
-    found = facet_loops(len(scaled), triangles, neighbors, labels)
-    if found is None:
-        return None
-    source, _, tails, twins = found[0]
+    used = np.arange(len(scaled))
+    while True:
+        try:
+            triangles, neighbors = hull_triangles(scaled[used])
+        except QhullError as error:
+            raise flat_error(scaled) from error
+        triangles = used[triangles]
+        labels = facet_labels(scaled, triangles, neighbors, tolerance)
+        found = facet_loops(len(scaled), triangles, neighbors, labels)
+        if found is None:
+            return None
+        repeated = _find_repeats(scaled, used, found[0], tolerance)
+        if len(repeated) == 0:
+            return found[0]
+        used = np.setdiff1d(used, repeated)
+
+
+def _find_repeats(
+    points: Floats, used: Integers, half_edges: HalfEdges, distance: float
+) -> Integers:
+    """Find points in use within a distance of a vertex of lower number, which stands for them.
+
+    Only vertices with an edge that short are searched around.
+    """
+    source, _, tails, twins = half_edges
     tail, head = source[tails], source[tails[twins]]
-    return None if (norms(scaled[head] - scaled[tail]) <= tolerance).any() else found[0]
+    short = (norms(points[head] - points[tail]) <= distance) & (tail < head)
+    if not short.any():
+        return np.empty(0, dtype=np.int64)
+    standing = np.setdiff1d(tail[short], head[short])
+    close = cKDTree(points[used]).query_ball_point(points[standing], distance)
+    return np.setdiff1d(used[np.concatenate(close).astype(np.int64)], standing)
 
 
 def exact_half_edges(
