@@ -173,7 +173,9 @@ def measure(
             VertexCoordinates(np.zeros(3), 1.0), target, PAPER, ShapeEvaluator(None)
         )
         works.append(lambda: objective.evaluate(points.ravel(), directions).gradient)
-    hull, query, *others = time_in_turn(works, seconds, rounds=rounds, row=0.0 if len(points) > MOST_GRADIENT else ROW)
+    hull, query, *others = time_in_turn(
+        works, seconds, rounds=rounds, row=0.0 if len(points) > MOST_GRADIENT else ROW
+    )
     trimesh = None
     if len(poses.hull.vertices) <= MOST_TRIMESH:
         corners = poses.hull.vertices, poses.hull.triangles, poses.center_of_mass

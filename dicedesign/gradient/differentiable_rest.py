@@ -144,8 +144,8 @@ class _RestedBodies:
             numbers, center_of_mass = self._numbers(body)
             hull = convex_hull(numbers, single_precision=self._single_precision)
             classified = hull if hull.finer is None else hull.finer.hull
-            own = center_of_mass[0] if center_of_mass else hull.centroid
-            sides = find_basins(classified, classify(classified, own).center_of_mass)
+            middle = center_of_mass[0] if center_of_mass else hull.centroid
+            sides = find_basins(classified, classify(classified, middle).center_of_mass)
             if sides[0].equilibria.hull is not classified:
                 hull = sides[0].equilibria.hull
             self._sides[body] = hull, sides

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import Body, body_of, solid_triangles
 from dicedesign.geometry.triangles import Surface, solid_inertia, solid_properties
 from dicedesign.rest.poses import RestPoses, rest_poses

@@ -63,6 +63,7 @@ def test_slower_work_takes_longer() -> None:
     assert 20.0 * quick < slow
 
 
+@pytest.mark.full
 def test_exact(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     recipe = ROOT / "recipes" / "fair_d3.yaml"
     targets = run(capsys, "exact", "--part", "targets", "--targets", 2)

@@ -217,6 +217,7 @@ def test_a_search_without_a_filled_hull(monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.skipif(
     find_spec("clarabel") is None, reason="the optional extra 'concave' is not installed"
 )
+@pytest.mark.full
 def test_the_paper_s_hull_and_fill(tmp_path: Path) -> None:
     paper = ConcavePaperOptions(steps=40)
     options = ConcaveOptions(attempts=1, tolerance=0.02, hull="paper", fill="paper", paper=paper)

@@ -125,7 +125,7 @@ def keeps(law: Law, poses: RestPoses, measurement: Measurement) -> None:
 
 
 def is_unmerged(poses: RestPoses) -> bool:
-    """Whether a body rests by the hull of its points as they are, as merged facets make no sense."""
+    """Whether a body rests by the hull of its points, as merged facets make no sense."""
     return UNEVEN in poses.notes or poses.hull.finer is not None
 
 

@@ -111,7 +111,13 @@ def test_it_is_the_hull_of_numpy_and_qhull(kind: str) -> None:
         rng = np.random.default_rng(seed)
         points = KINDS[kind](rng, int(rng.integers(6, 50)))
         answered += kernel_hull(points) is not None
-        assert_same(convex_hull(points), numpy_hull(points))
+        ours, theirs = convex_hull(points), numpy_hull(points)
+        assert_same(ours, theirs)
+        assert_same(convex_hull(points, 0.0), numpy_hull(points, 0.0))
+        if theirs.finer is not None:
+            assert ours.finer is not None
+            assert_same(ours.finer.hull, theirs.finer.hull)
+            np.testing.assert_array_equal(ours.finer.facet, theirs.finer.facet)
     assert answered == 12
 
 

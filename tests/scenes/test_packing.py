@@ -45,8 +45,8 @@ def test_fit_floor_has_room_for_all(seed: int) -> None:
 
 
 def test_a_small_floor_holds_many() -> None:
-    footprints = polygons(120, 7)
-    floor = (16.0, 9.0)
+    footprints = polygons(70, 7)
+    floor = (12.0, 7.0)
     shifts = pack(footprints, floor, np.random.default_rng(1))
     check_places(footprints, shifts, floor)
     fits = ~np.isnan(shifts[:, 0])

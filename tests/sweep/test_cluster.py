@@ -98,6 +98,7 @@ def rows_of(table: Path) -> list[dict[str, str]]:
         return [{**row, "seconds": ""} for row in csv.DictReader(file)]
 
 
+@pytest.mark.full
 def test_results_are_those_of_one_process(
     tmp_path: Path, recipe_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -132,7 +132,7 @@ def facet_loops(
     # A corner that a border passes twice has only one edge ahead of it.
     if sum(map(len, ahead)) < len(tails):
         return None
-    loops = []
+    labeled = []
     for label, border in enumerate(ahead):
         loop = list(border)[:1]
         while loop and border.get(loop[-1], loop[0]) != loop[0] and len(loop) < len(border):
@@ -142,10 +142,10 @@ def facet_loops(
         if not closed or len(loop) < len(border) or len(corners) < 3:
             return None
         lowest = corners.index(min(corners))
-        loops.append((corners[lowest:] + corners[:lowest], label))
-    loops.sort()
-    facet_of_label = np.argsort([label for _, label in loops])
-    loops = [loop for loop, _ in loops]
+        labeled.append((corners[lowest:] + corners[:lowest], label))
+    labeled.sort()
+    facet_of_label = np.argsort([label for _, label in labeled])
+    loops = [loop for loop, _ in labeled]
     source, tail = np.unique(list(chain(*loops)), return_inverse=True)
     head = np.searchsorted(source, list(chain(*(loop[1:] + loop[:1] for loop in loops))))
     numbers = {edge: number for number, edge in enumerate(zip(tail, head, strict=True))}
@@ -223,9 +223,7 @@ def exact_half_edges(
     return half_edges, None, np.arange(len(facet_of_flat))
 
 
-def _scale(
-    positions: Floats, coplanar_tolerance: float, precision: float
-) -> tuple[Floats, float]:
+def _scale(positions: Floats, coplanar_tolerance: float, precision: float) -> tuple[Floats, float]:
     """Points (n, 3) moved and scaled so that coordinates are at most 1, and the distance within
     which they are coplanar. Raises DegenerateBodyError as `convex_hull`."""
     if len(positions) < 4:
