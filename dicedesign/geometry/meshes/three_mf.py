@@ -39,11 +39,11 @@ MAX_PLACED = 5_000_000
 """Limit of the vertices, triangles and components of a build item; twice those in the file are
 allowed too."""
 
-MAX_ITEMS = 10_000
-"""Limit of build items."""
+MAX_LISTED = 100_000
+"""Limit of the objects, components, build items and volumes that a file lists."""
 
 MAX_DEPTH = 100
-"""Limit of components within components."""
+"""Limit of objects within objects, and of elements within elements."""
 
 MAX_NAMES = 10
 """Build items named in a message."""
@@ -137,6 +137,7 @@ class Build:
         self._sizes: dict[Key, int] = {}
         self._left_out: Counter[str] = Counter()
         self._unit = ""
+        self._listed = 0
         data = read_file(path, "a 3MF file", error=MeshFileError)
         self._limit = self._room = min(MAX_UNPACKED, max(SMALL_UNPACKED, MAX_RATIO * len(data)))
         items: list[Component] = []
@@ -153,13 +154,11 @@ class Build:
             raise
         except Exception as error:  # zipfile, its decoders and expat raise errors of many kinds
             raise self._error("an archive of XML", f"{type(error).__name__}: {error}") from error
-        held = sum(len(each.points) + len(each.corners) for each in self._objects.values())
-        for what, count, limit in (
-            ("build items", len(items), MAX_ITEMS),
-            ("vertices, triangles and components", size, max(MAX_PLACED, 2 * held // 3)),
-        ):
-            if count > limit:
-                raise self._error(f"at most {limit} {what}", f"{count:.6g}")
+        held = sum(len(each.points) + len(each.corners) for each in self._objects.values()) // 3
+        limit = max(MAX_PLACED, 2 * held)
+        if size > limit:
+            expected = f"at most {limit} vertices, triangles and components in a build item"
+            raise self._error(expected, f"{size}"[:QUOTED])
         kinds = [self._objects[item.key].kind for item in items]
         self._left_out.update(f"{kind} object" for kind in kinds if kind != "model")
         self.items = [
@@ -177,7 +176,7 @@ class Build:
         count = len(self.items)
         if item is None and count > 1:
             names = [
-                f"{number} {self._objects[each.key].name!a}"
+                f"{number} {self._objects[each.key].name or f'object {each.key[1]}'!a}"
                 for number, each in enumerate(self.items[:MAX_NAMES], start=1)
             ]
             raise MeshFileError(
@@ -204,7 +203,7 @@ class Build:
         body = make_body(np.concatenate(points), np.concatenate(triangles), name, rounded)
         notes = [f"joined {len(points)} parts of the file"] if len(points) > 1 else []
         for what, times in left_out.items():
-            uncut = ", which cuts nothing here" if what == "negative volume" else ""
+            uncut = ", whose cut is not made" if what == "negative volume" else ""
             notes.append(f"left out {times} {what}{'s' if times > 1 else ''}{uncut}")
         if self._unit != "millimeter":
             notes.append(f"converted lengths from {self._unit} to millimeter")
@@ -256,11 +255,13 @@ class Build:
 
     def _size(self, key: Key, above: tuple[Key, ...]) -> int:
         """Vertices, triangles and components that an object places; reads the object's model."""
-        if key in above or len(above) > MAX_DEPTH:
-            got = "one that contains itself" if key in above else f"more from {above[0]} on"
-            raise self._error(f"objects within at most {MAX_DEPTH} others", f"{got}: {key}")
+        part, number = key
+        if key in above:
+            expected = "objects that do not contain themselves"
+            raise self._error(expected, f"object {number!a} in {part}")
+        if len(above) > MAX_DEPTH:
+            raise self._error(f"at most {MAX_DEPTH} objects within one another", "more")
         if key not in self._sizes:
-            part, number = key
             if part not in self._models:
                 self._read_model(part, [])
             if key not in self._objects:
@@ -291,7 +292,8 @@ class Build:
             for prefix in given.get("requiredextensions", "").split():
                 uri = self._namespaces.get(prefix, prefix)
                 if not KNOWN_EXTENSIONS.fullmatch(uri):
-                    raise self._error("no required extension that changes solids", uri)
+                    expected = "required extensions that leave meshes as they are"
+                    raise self._error(expected, uri)
             # Other parts have the unit of the first, as their objects are placed there.
             self._unit = self._unit or given.get("unit", "millimeter")
             if self._unit not in MILLIMETERS:
@@ -299,6 +301,7 @@ class Build:
 
         def begin(given: dict[str, str]) -> None:
             nonlocal current
+            self._count()
             current = Object(given.get("type", "model"), given.get("name", ""))
             self._objects[part, given["id"]] = current
 
@@ -309,6 +312,7 @@ class Build:
             current.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
 
         def placed(given: dict[str, str]) -> Component:
+            self._count()
             path = given.get(f"{PRODUCTION} path")
             key = part if path is None else _part_name(path), given["objectid"]
             transform = np.eye(4)
@@ -356,6 +360,7 @@ class Build:
         def volume(given: dict[str, str]) -> None:
             first, last = int(given.get("firstid", 0)), int(given.get("lastid", -1))
             component = None if "firstid" in given else given.get("id", "")
+            self._count()
             volumes.append(Volume(component, max(first, 0), max(last, -1)))
             volumes[-1].set_kind(given.get("subtype", ""))
 
@@ -391,6 +396,8 @@ class Build:
             nonlocal prefix
             if len(names) == 1:
                 prefix = tag[: tag.rfind(" ") + 1]
+            elif len(names) > MAX_DEPTH:
+                raise self._error(f"at most {MAX_DEPTH} elements within one another", "more")
             name = f"{names[-1]}/{tag.removeprefix(prefix)}"
             names.append(name)
             handler = handlers.get(name)
@@ -405,7 +412,8 @@ class Build:
                     raise self._error(f"elements of 3MF in {part}", f"{element!a}") from error
 
         def namespace(name: str | None, uri: str | None) -> None:
-            self._namespaces[name or ""] = uri or ""
+            if len(names) == 1:
+                self._namespaces[name or ""] = uri or ""
 
         def doctype(*_: object) -> None:
             raise self._error(f"no document type in {part}", "one")
@@ -422,6 +430,12 @@ class Build:
                     raise self._error(f"at most {self._limit >> 20} MiB of unpacked parts", "more")
                 parser.Parse(chunk)
         parser.Parse(b"", True)
+
+    def _count(self) -> None:
+        self._listed += 1
+        if self._listed > MAX_LISTED:
+            expected = f"at most {MAX_LISTED} objects, components, build items and volumes"
+            raise self._error(expected, "more")
 
     def _error(self, expected: str, got: object) -> MeshFileError:
         return MeshFileError(f"{self.path}: expected {expected}, got {got}; {EXPORT_AGAIN}")
