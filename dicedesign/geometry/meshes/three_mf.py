@@ -108,16 +108,16 @@ class Object:
 
 @dataclass
 class Volume:
-    """Part of an object that a slicer lists: a component by its object's number, or triangles from
-    first to last. word: why it is no material, or empty."""
+    """Part of an object that a slicer lists: a component by its object's number, or triangles."""
 
     component: str | None
-    first: int
-    last: int
-    word: str = ""
+    triangles: slice
+    kind: str
 
-    def set_kind(self, kind: str) -> None:
-        self.word = NO_MATERIAL.get(kind.replace("_", "").lower(), "")
+    @property
+    def word(self) -> str:
+        """Why it is no material, or nothing."""
+        return NO_MATERIAL.get(self.kind.replace("_", "").lower(), "")
 
 
 class Build:
@@ -228,8 +228,8 @@ class Build:
             triangles = np.asarray(each.corners, dtype=np.int64).reshape(-1, 3)
             kept = np.ones(len(triangles), dtype=bool)
             for volume in volumes:
-                if volume.word and volume.component is None:
-                    kept[volume.first : volume.last + 1] = False
+                if volume.word and kept[volume.triangles].any():
+                    kept[volume.triangles] = False
                     left_out[volume.word] += 1
             if not kept.all():
                 used, corners = np.unique(triangles[kept], return_inverse=True)
@@ -267,8 +267,12 @@ class Build:
             if key not in self._objects:
                 raise self._error(f"an object {number!a} in {part}", "none")
             each, above = self._objects[key], (*above, key)
-            self._sizes[key] = len(each.points) // 3 + len(each.corners) // 3
-            self._sizes[key] += sum(1 + self._size(c.key, above) for c in each.components)
+            count, corners = len(each.points) // 3, np.asarray(each.corners)
+            if not ((corners >= 0) & (corners < count)).all():
+                expected = f"triangles of vertices 0 to {count - 1} in object {number!a}"
+                raise self._error(expected, f"{corners.min()} to {corners.max()}")
+            inner = sum(1 + self._size(component.key, above) for component in each.components)
+            self._sizes[key] = count + len(corners) // 3 + inner
         return self._sizes[key]
 
     def _find_root(self) -> str:
@@ -338,16 +342,6 @@ class Build:
                 "/model/build/item": item,
             },
         )
-        for (name, number), each in self._objects.items():
-            corners = np.asarray(each.corners)
-            if name == part and len(corners):
-                low, high = int(corners.min()), int(corners.max())
-                if low < 0 or 3 * high >= len(each.points):
-                    last = len(each.points) // 3 - 1
-                    raise self._error(
-                        f"triangles of vertices 0 to {last} in object {number!a}",
-                        f"vertex {low if low < 0 else high}",
-                    )
 
     def _read_volumes(self, part: str) -> None:
         """Read a slicer's list of volumes."""
@@ -358,18 +352,17 @@ class Build:
             volumes = self._volumes[given.get("id", "")]
 
         def volume(given: dict[str, str]) -> None:
-            first, last = int(given.get("firstid", 0)), int(given.get("lastid", -1))
-            component = None if "firstid" in given else given.get("id", "")
             self._count()
-            volumes.append(Volume(component, max(first, 0), max(last, -1)))
-            volumes[-1].set_kind(given.get("subtype", ""))
+            is_range = "firstid" in given
+            ends = (int(given["firstid"]), int(given["lastid"]) + 1) if is_range else (0, 0)
+            volumes.append(Volume(given.get("id"), slice(*ends), given.get("subtype", "")))
 
         def metadata(given: dict[str, str]) -> None:
             key, value = given.get("key"), given.get("value", "")
-            if key == "modifier" and value == "1":
-                volumes[-1].set_kind("modifier_part")
-            elif key == "volume_type":
-                volumes[-1].set_kind(value)
+            if key == "volume_type":
+                volumes[-1].kind = value
+            elif key == "modifier" and value == "1":
+                volumes[-1].kind = "modifier_part"
 
         self._walk(
             part,
