@@ -129,6 +129,7 @@ class Build:
     or has objects that contain themselves.
     """
 
+    @np.errstate(all="ignore")  # numbers that are not finite are refused with the body
     def __init__(self, path: Path) -> None:
         self.path = path
         self._objects: dict[Key, Object] = {}
@@ -167,6 +168,7 @@ class Build:
             if kind == "model" and any(True for _ in self._meshes(item, Counter()))
         ]
 
+    @np.errstate(all="ignore")
     def body(self, item: int | None = None) -> Body:
         """Body of a build item, from 1; without a number, of the only one.
 
