@@ -56,14 +56,14 @@ def test_queries_poses_and_figures_of_meshes_load_nothing_heavy(tmp_path: Path) 
     (tmp_path / "meshes").mkdir()
     for suffix in ("obj", "stl", "off", "ply", "glb", "3mf"):
         trimesh.creation.box().export(tmp_path / "meshes" / f"box.{suffix}")
-    queries = [f"rest meshes/box.{suffix} --json" for suffix in ("obj", "stl", "off")]
+    queries = [f"rest meshes/box.{suffix} --json" for suffix in ("obj", "stl", "off", "3mf")]
     pose = "pose meshes/box.stl --out posed.obj"
     chart = "rest meshes/box.stl --figure map.png"
-    others = [f"rest meshes/box.{suffix} --json" for suffix in ("ply", "glb", "3mf")]
+    others = [f"rest meshes/box.{suffix} --json" for suffix in ("ply", "glb")]
     figure = "figure paths meshes/box.stl"
     room = "scatter meshes --count 3 --out room.glb --figure room.png"
     loaded = modules_after(tmp_path, *queries, pose, chart, *others, figure, room)
-    after_queries, after_pose, after_chart, *_, after_all = loaded[3:]
+    after_queries, after_pose, after_chart, *_, after_all = loaded[4:]
 
     never = {"torch", "manifold3d", "pydantic"} | SOLVERS
     heavy = never | {"trimesh", "lxml", "matplotlib", "PIL", "fontTools", "uharfbuzz", "mpmath"}

@@ -89,17 +89,21 @@ def analyze_files(
     center_of_mass, coplanar_tolerance: see `rest_poses`.
     """
     # Only the workers need these.
-    from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.geometry.meshes.reading import read_bodies
     from dicedesign.rest.poses import rest_poses
 
     entries = {}
     for file, stamp in stamps.items():
         path, started = Path(folder, file), time.perf_counter()
         try:
-            body = read_body(path)
-            poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
-            seconds = time.perf_counter() - started
-            entries[file] = make_entry(file, stamp, poses, seconds)
+            parts = []
+            for body in read_bodies(path):
+                poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
+                seconds = time.perf_counter() - started
+                name = file + body.name.removeprefix(str(path))
+                parts.append(make_entry(name, stamp, poses, seconds))
+            text, rests = "".join(part.text for part in parts), sum(part.rests for part in parts)
+            entries[file] = Entry(stamp, text, rests)
         except Exception as error:
             # An unexpected error must not end the analysis of the other files.
             text = str(error) if isinstance(error, DiceError) else f"{file}: {error!r}"

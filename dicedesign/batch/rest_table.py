@@ -151,17 +151,25 @@ def entries_of(rows: Iterable[Sequence[str]]) -> dict[str, Entry]:
 
     Raises ValueError: a row has no stamp.
     """
-    of_file: dict[str, list[Sequence[str]]] = {}
+    of_name: dict[str, list[Sequence[str]]] = {}
     for row in rows:
-        of_file.setdefault(row[0], []).append(row)
-    entries = {}
-    for file, own in of_file.items():
+        of_name.setdefault(row[0], []).append(row)
+    entries: dict[str, Entry] = {}
+    broken = set()
+    for name, own in of_name.items():
         last = dict(zip(COLUMNS, own[-1], strict=True))
-        size, modified, com, tolerance = (last[name] for name in STAMPED)
+        size, modified, com, tolerance = (last[column] for column in STAMPED)
         stamp, rests = Stamp(int(size), int(modified), com, tolerance), int(last["rests"])
-        if len(own) == max(rests, 1):
-            entries[file] = Entry(stamp, "".join(map(csv_line, own)), rests)
-    return entries
+        file, text = _ITEM.sub(r"\1", name), "".join(map(csv_line, own))
+        before = entries.get(file, Entry(stamp, "", 0))
+        entries[file] = Entry(stamp, before.text + text, before.rests + rests)
+        if len(own) != max(rests, 1):
+            broken.add(file)
+    return {file: entry for file, entry in entries.items() if file not in broken}
+
+
+_ITEM = re.compile(r"(\.3mf)#\d+$", re.IGNORECASE)
+"""End of the name of a build item of a file."""
 
 
 @dataclass(frozen=True)

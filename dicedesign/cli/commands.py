@@ -56,7 +56,14 @@ class WithWorkers(Command):
 
 
 @dataclass(kw_only=True)
-class WithRests(Command):
+class WithItem(Command):
+    help_text = """Options:
+    item (N): of a 3MF file: the N-th body on its plate"""
+    item: int | None = None
+
+
+@dataclass(kw_only=True)
+class WithRests(WithItem):
     help_text = """Options:
     com (x,y,z|hull): center of mass in the mesh's unit, or hull: the center of the uniform convex
         hull (default: the center of the uniform solid; hull for point clouds and open meshes)
@@ -112,7 +119,7 @@ class RunArguments(WithResults):
 
 
 @dataclass(kw_only=True)
-class DesignArguments(WithResults):
+class DesignArguments(WithItem, WithResults):
     help_text = """Make a printable die from probabilities.
 
     Writes the engraved die, its recipe, result.json and a report. The shape is searched, or a mesh
@@ -166,7 +173,8 @@ class SweepArguments(WithWorkers):
 class RestArguments(WithBody, WithWorkers):
     help_text = """List the resting poses of meshes with their probabilities.
 
-    Given a folder, writes a table of all meshes in it (--out); repeat the command to resume.
+    Given a folder, writes a table of all meshes in it (--out); repeat the command to resume. A 3MF
+    file has a result for each body on its plate.
 
     Options:
     meshes (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or a folder of meshes
@@ -290,7 +298,7 @@ class FigureArguments(WithRests):
 
 
 @dataclass
-class RepairArguments(Command):
+class RepairArguments(WithItem):
     help_text = """Repair a mesh into the closed surface of one solid.
 
     A mesh that is open, non-manifold, in several pieces or self-intersecting becomes the surface of
@@ -312,7 +320,7 @@ class RepairArguments(Command):
 
 
 @dataclass
-class BalanceArguments(WithJson):
+class BalanceArguments(WithItem, WithJson):
     help_text = """Move the center of mass of a mesh until it rests as you want.
 
     Adds a cavity, or infill of two densities. Give one goal: --equal, --stand, --stand-down,
@@ -355,7 +363,7 @@ class BalanceArguments(WithJson):
 
 
 @dataclass
-class ThrowArguments(WithJson, WithWorkers):
+class ThrowArguments(WithItem, WithJson, WithWorkers):
     help_text = """Simulate throws of a die onto a table.
 
     Compares the frequency of each rest with its probability without momentum.
@@ -388,7 +396,7 @@ class ThrowArguments(WithJson, WithWorkers):
 
 
 @dataclass
-class RollsArguments(WithJson):
+class RollsArguments(WithItem, WithJson):
     help_text = """Test your own throws of a die.
 
     Compares counts with the die's probabilities: exact intervals, a test, the total variation, and

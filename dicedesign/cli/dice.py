@@ -53,8 +53,9 @@ def design(options: DesignArguments) -> int:
     """Make a die from probabilities."""
     with _name_options():
         target = parse_target(options.target, options.labels)
-    if options.repair and options.mesh is None:
-        raise InputError("--repair: expected --mesh FILE with it, got none; add it")
+    for name in ("repair", "item"):
+        if getattr(options, name) and options.mesh is None:
+            raise InputError(f"--{name}: expected --mesh FILE with it, got none; add it")
     entries: dict[str, Any] = {
         "name": options.name,
         "seed": options.seed,
@@ -63,7 +64,8 @@ def design(options: DesignArguments) -> int:
         "method": {"exact": {}},
     }
     if options.mesh is not None:
-        entries["start"] = {"mesh": {"path": options.mesh, "repair": options.repair}}
+        mesh = {"path": options.mesh, "repair": options.repair, "item": options.item}
+        entries["start"] = {"mesh": mesh}
         entries["method"] = {"concave": {}}
     if options.size_mm is not None:
         entries["size_mm"] = options.size_mm

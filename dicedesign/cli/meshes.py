@@ -60,6 +60,7 @@ def pose_meshes(options: PoseArguments) -> int:
         seed=options.seed if options.random else None,
         center_of_mass=center_of_mass(options.com),
         coplanar_tolerance=options.coplanar_tolerance,
+        item=options.item,
         y_up=options.up == "y",
     )
     jobs = list(_list_jobs(options))
@@ -238,7 +239,7 @@ def repair(options: RepairArguments) -> int:
     kind = format_of_ending(out.suffix, str(out))
     _refuse_overwriting(mesh, out, "another file than the mesh")
     with open_output_folder(out.parent), progress_bar("repair"):
-        surface, notes, repaired = input_surface(read_body(mesh), FINEST, repair=True)
+        surface, notes, repaired = input_surface(read_body(mesh, options.item), FINEST, repair=True)
         points = np.asarray(np.linalg.solve(kind.frame, surface.points.T).T, np.float64)
         contents = {out: mesh_bytes(points, surface.triangles, out.suffix, str(out))}
         if repaired is not None:
@@ -306,7 +307,7 @@ def balance(options: BalanceArguments) -> int:
         file /= "balanced.stl"
     with open_output_folder(file.parent), progress_bar("balance") as bar:
         _refuse_overwriting(options.mesh, file, "another file than the mesh")
-        body = read_body(options.mesh)
+        body = read_body(options.mesh, options.item)
         result = balance_body(body, goal, settings, on_way=bar.set_description_str)
         contents = {
             file.with_name(file.stem + end) if end else file: data
@@ -421,6 +422,7 @@ def draw_figure(options: FigureArguments) -> int:
             options.subject,
             center_of_mass=center_of_mass(options.com),
             coplanar_tolerance=options.coplanar_tolerance,
+            item=options.item,
             down=down,
             before=options.before,
         )

@@ -165,15 +165,15 @@ def center_of_mass(text: str | None) -> Center:
     return center
 
 
-def read_poses(
-    path: Path,
+def find_poses(
+    body: Body,
     com: str | None = None,
     coplanar_tolerance: float | None = None,
     parts: Iterable[str] = (),
     *,
     center: Floats | None = None,
 ) -> tuple[Body, RestPoses]:
-    """Read a body and compute its rests; print their notes on stderr.
+    """Add parts to a body and compute its rests; print their notes on stderr.
 
     com, coplanar_tolerance, parts: values of options; center: center of mass without `--com`.
     """
@@ -181,7 +181,6 @@ def read_poses(
     from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.poses import rest_poses
 
-    body = read_body(path)
     others = [(read_body(file), density) for file, density in map(_parse_part, parts)]
     if others:
         from dicedesign.geometry.meshes.manifold import weighted_body

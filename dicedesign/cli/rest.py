@@ -13,20 +13,22 @@ from dicedesign.cli.commands import DropArguments, RestArguments
 from dicedesign.cli.options import (
     center_of_mass,
     direction,
+    find_poses,
     numbers,
     percents,
     plain_rows,
     print_json,
     print_notes,
-    read_poses,
     text_table,
     workers_of,
 )
 from dicedesign.errors import DiceError, InputError, named, printable
+from dicedesign.geometry.meshes.reading import read_bodies, read_body
 from dicedesign.runtime.files import atomic_write
 
 if TYPE_CHECKING:
     from dicedesign.batch.rest_table import Entry, RestTable, Stamp
+    from dicedesign.geometry.meshes.body import Body
 
 
 def list_rests(options: RestArguments) -> int:
@@ -48,16 +50,20 @@ def list_rests(options: RestArguments) -> int:
     failures: list[str] = []
     for mesh in meshes:
         try:
-            record, text = _describe_mesh(options, mesh)
+            # A figure is of one body.
+            one = options.item is not None or options.figure is not None
+            for body in [read_body(mesh, options.item)] if one else read_bodies(mesh):
+                record, text = _describe_body(options, body)
+                if not options.json:
+                    print(f"\n{text}" if any("rests" in each for each in records) else text)
+                records.append({"file": body.name, **record})
         except DiceError as error:
             if len(meshes) == 1:
                 raise
             failures.append(str(error))
             records.append({"file": str(mesh), "error": str(error)})
-            continue
-        if not options.json:
-            print(f"\n{text}" if any("rests" in each for each in records) else text)
-        records.append(record if len(meshes) == 1 else {"file": str(mesh), **record})
+    if len(records) == 1:
+        del records[0]["file"]
     if options.json:
         print_json(records[0] if len(records) == 1 else records)
     # An invalid option is one failure.
@@ -65,9 +71,9 @@ def list_rests(options: RestArguments) -> int:
     return 2 if failures else 0
 
 
-def _describe_mesh(options: RestArguments, mesh: Path) -> tuple[dict[str, Any], str]:
-    """Rests of a mesh as plain data, and as text."""
-    body, poses = read_poses(mesh, options.com, options.coplanar_tolerance, options.part)
+def _describe_body(options: RestArguments, body: Body) -> tuple[dict[str, Any], str]:
+    """Rests of a body as plain data, and as text."""
+    body, poses = find_poses(body, options.com, options.coplanar_tolerance, options.part)
     if options.prior is not None:
         if options.table is not None:
             raise InputError(
@@ -107,7 +113,7 @@ def _describe_mesh(options: RestArguments, mesh: Path) -> tuple[dict[str, Any], 
     }
     center = ", ".join(f"{x:.6g}" for x in poses.center_of_mass)
     text = (
-        f"{printable(mesh)}: {len(poses.probabilities)} resting poses, hull of "
+        f"{printable(body.name)}: {len(poses.probabilities)} resting poses, hull of "
         f"{len(poses.hull.vertices)} vertices and {len(poses.hull.normals)} facets, "
         f"{1e3 * sum(poses.seconds.values()):.1f} ms\n"
         f"center of mass ({center}), {poses.center_of_mass_source}"
@@ -133,7 +139,7 @@ def _list_folder(options: RestArguments, folder: Path) -> int:
     from dicedesign.batch.rest_table import RestTable, Stamp, table_format
 
     com, tolerance, path = center_of_mass(options.com), options.coplanar_tolerance, options.out
-    for name in ("table", "json", "figure", "prior", "part"):
+    for name in ("table", "json", "figure", "prior", "part", "item"):
         if getattr(options, name) not in (None, False, ()):
             raise InputError(
                 f"--{name}: expected one mesh, got the folder {folder}; name a file, or "
@@ -227,7 +233,12 @@ def drop(options: DropArguments) -> int:
                 f"--max-angle-deg: expected at least {math.degrees(SMALLEST_ANGLE):.2g}, got "
                 f"{options.max_angle_deg:g}; take a larger angle"
             )
-    _, poses = read_poses(options.mesh, options.com, options.coplanar_tolerance, options.part)
+    _, poses = find_poses(
+        read_body(options.mesh, options.item),
+        options.com,
+        options.coplanar_tolerance,
+        options.part,
+    )
     equilibria = poses.morse.equilibria
     steps = roll_steps(equilibria, down, largest)
     columns: dict[str, Any] = {

@@ -13,11 +13,11 @@ from typing import Any
 
 from dicedesign.cli.commands import RollsArguments
 from dicedesign.cli.options import (
+    find_poses,
     percent_intervals,
     plain_rows,
     print_json,
     print_notes,
-    read_poses,
     text_table,
 )
 from dicedesign.errors import InputError, printable
@@ -43,7 +43,7 @@ def judge_rolls(options: RollsArguments) -> int:
             f"--confidence: expected at least {LEAST_CONFIDENCE:g} and less than 1, got "
             f"{options.confidence:g}; 0.95 is usual"
         )
-    labels, probabilities, source = _read_probabilities(options.die)
+    labels, probabilities, source = _read_probabilities(options.die, options.item)
     if len(labels) < 2:
         raise InputError(
             f"{options.die}: expected a die with at least 2 outcomes, got {len(labels)}; "
@@ -75,11 +75,14 @@ def judge_rolls(options: RollsArguments) -> int:
     return 0
 
 
-def _read_probabilities(path: Path) -> tuple[list[str], list[float], str]:
+def _read_probabilities(path: Path, item: int | None) -> tuple[list[str], list[float], str]:
     """Labels, probabilities and the name of these: the target of a finished die, or the
     probabilities of a mesh's rests without momentum."""
     if not os.path.isdir(path):
-        _, poses = read_poses(path)
+        # A finished die does not need this import.
+        from dicedesign.geometry.meshes.reading import read_body
+
+        _, poses = find_poses(read_body(path, item))
         labels = [str(i + 1) for i in range(len(poses.probabilities))]
         return labels, poses.probabilities.tolist(), "geometric probabilities of its rests"
     die = read_result(path)

@@ -12,16 +12,17 @@ import numpy as np
 from dicedesign.cli.commands import ThrowArguments
 from dicedesign.cli.options import (
     direction,
+    find_poses,
     percent_intervals,
     plain_rows,
     print_json,
     print_notes,
-    read_poses,
     text_table,
     workers_of,
 )
 from dicedesign.errors import InputError, named, printable
 from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.outcomes import asymmetry, facet_of_rest
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.folder import read_result
@@ -55,7 +56,7 @@ def throw(options: ThrowArguments) -> int:
     if os.path.isdir(options.die):
         mesh, poses, labels = _read_finished(options)
     else:
-        mesh, poses = read_poses(options.die, options.com)
+        mesh, poses = find_poses(read_body(options.die, options.item), options.com)
     body = rigid_body(mesh, poses)
     if labels is not None and size is None:
         # Files of finished dice are in millimeters.
@@ -105,7 +106,7 @@ def _read_finished(options: ThrowArguments) -> tuple[Body, RestPoses, list[str |
     """Read the plain solid of a finished die, and the labels of its rests."""
     die = read_result(options.die)
     center = np.array(die.center_of_mass)
-    body, poses = read_poses(die.plain_file, options.com, center=center)
+    body, poses = find_poses(read_body(die.plain_file), options.com, center=center)
     normals = np.array([normal for _, normal in die.outcome_normals]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, normals).tolist()
     return body, poses, [None if facet < 0 else die.outcome_normals[facet][0] for facet in facets]

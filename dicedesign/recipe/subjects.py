@@ -36,6 +36,7 @@ def subject_of(
     *,
     center_of_mass: tuple[float, float, float] | Literal["hull"] | None = None,
     coplanar_tolerance: float | None = None,
+    item: int | None = None,
     down: tuple[float, float, float] | None = None,
     before: Path | None = None,
 ) -> Subject:
@@ -44,7 +45,7 @@ def subject_of(
     Parameters
     ----------
     path: mesh file, results folder, or recipe to design.
-    center_of_mass, coplanar_tolerance: of a mesh, as in `rest_poses`.
+    center_of_mass, coplanar_tolerance: of a mesh, as in `rest_poses`; item: as in `read_body`.
     down: see `Subject`.
     before: original mesh of the body, in the same place and scale; None for a recipe's start.
 
@@ -55,7 +56,7 @@ def subject_of(
     """
     is_folder = os.path.isdir(path)
     if not is_folder and path.suffix.lower() not in RECIPES:
-        body, recipe, labels = read_body(path), None, None
+        body, recipe, labels = read_body(path, item), None, None
         poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
         upward = upward_of(path)
     else:

@@ -126,7 +126,7 @@ class PoseChoice:
     ----------
     number: rank of the rest; 1 is the most probable.
     seed: draws the rest by its probability, and the heading at random; None takes `number`.
-    center_of_mass, coplanar_tolerance: as in `rest_poses`.
+    center_of_mass, coplanar_tolerance: as in `rest_poses`; item: as in `read_body`.
     y_up: bodies stand on y = 0 instead of z = 0.
     """
 
@@ -134,6 +134,7 @@ class PoseChoice:
     seed: int | None = None
     center_of_mass: tuple[float, float, float] | Literal["hull"] | None = None
     coplanar_tolerance: float | None = None
+    item: int | None = None
     y_up: bool = False
 
     def choose(self, poses: RestPoses, name: str) -> tuple[int, Floats]:
@@ -194,7 +195,7 @@ def write_pose(job: PoseJob, choice: PoseChoice) -> PoseResult:
 
     Raises as `read_body`, `rest_poses`, `PoseChoice.choose`, `pose_bytes` and `atomic_write`.
     """
-    body = read_body(job.source)
+    body = read_body(job.source, choice.item)
     poses = rest_poses(body, choice.center_of_mass, coplanar_tolerance=choice.coplanar_tolerance)
     rest, transform = choice.choose(poses, job.name)
     data = pose_bytes(job.source, body, transform, job.target.suffix)

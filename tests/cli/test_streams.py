@@ -163,7 +163,7 @@ def test_files_of_a_run_are_utf8(tmp_path: Path) -> None:
     out = tmp_path / os.fsdecode(b"out\xff")
     assert main(["run", str(recipe), "--out", str(out)]) == 0
     assert read_recipe(out / "recipe.yaml").as_dict()["start"] == {
-        "mesh": {"path": str(mesh), "repair": False}
+        "mesh": {"path": str(mesh), "repair": False, "item": None}
     }
     json.loads((out / "result.json").read_bytes().decode("utf-8"))
     parse_page((out / "report.html").read_bytes().decode("utf-8"))

@@ -284,7 +284,9 @@ OWN_READERS: dict[str, Callable[[bytes, Path], Geometry]] = {
 }
 """The reader of each file ending, in lower case, that does without trimesh."""
 
-OWN_ENDINGS = frozenset(OWN_READERS)
+THREE_MF = ".3mf"
+
+OWN_ENDINGS = frozenset({*OWN_READERS, THREE_MF})
 
 
 @cache
@@ -300,16 +302,31 @@ MOST_INFLATED = 1 << 31
 """Largest unpacked size of an archive in bytes, 2 GiB."""
 
 
-def read_body(path: str | Path) -> Body:
+def read_bodies(path: str | Path) -> Iterator[Body]:
+    """Read each build item of a 3MF file as a body, named by the path and #1, #2 and so on if there
+    are several; any other file as one body. Raises as `read_body`."""
+    if Path(path).suffix.lower() == THREE_MF:
+        from dicedesign.geometry.meshes.three_mf import Build  # other formats need no XML
+
+        build = Build(Path(path))
+        # Without items, the first one is an error.
+        yield from map(build.body, range(1, max(len(build.items), 1) + 1))
+    else:
+        yield read_body(path)
+
+
+def read_body(path: str | Path, item: int | None = None) -> Body:
     """Read a body from a mesh or point file.
 
-    STL, OBJ, OFF and XYZ are read by this package, all other formats (PLY, GLB, glTF, 3MF and
+    STL, OBJ, OFF, XYZ and 3MF are read by this package, all other formats (PLY, GLB, glTF and
     more) by trimesh, which is imported only then. A file of several meshes gives one body, each
-    mesh at its place in the scene; lines are ignored, and so are points beside a mesh.
+    mesh at its place in the scene; lines are ignored, and so are points beside a mesh. Bodies of
+    3MF files are in millimeters, others in the unit of the file.
 
     Parameters
     ----------
     path: the file; its ending says the format.
+    item: build item of a 3MF file, from 1; None for the only one.
 
     Returns
     -------
@@ -317,10 +334,19 @@ def read_body(path: str | Path) -> Body:
 
     Raises
     ------
-    MeshFileError: the file is missing, of an unknown format, damaged or without points.
+    MeshFileError: the file is missing, of an unknown format, damaged or without points, or has
+        no such build item, or several and none is chosen.
     DegenerateBodyError: a coordinate is not finite, or there are fewer than 4 distinct points.
     """
     path = Path(path)
+    if path.suffix.lower() == THREE_MF:
+        from dicedesign.geometry.meshes.three_mf import Build
+
+        return Build(path).body(item)
+    if item not in (None, 1):
+        raise MeshFileError(
+            f"{path}: expected item 1 of a file of one body, got {item}; leave it out"
+        )
     data = read_file(path, "a mesh or point file", error=MeshFileError)
     if not data:
         raise MeshFileError(

@@ -61,10 +61,12 @@ class MeshOptions(Options):
         directory.
     repair: repair an open, non-manifold, multi-body or self-intersecting mesh: take the closed
         surface of the largest solid it encloses; for method concave.
+    item: of a 3MF file: the body of this number on its plate.
     """
 
     path: str
     repair: bool = False
+    item: int | None = None
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ def _mesh_surface(options: MeshOptions, points: int) -> StartSurface:
 def _read_mesh(options: MeshOptions) -> Body:
     from dicedesign.geometry.meshes.reading import read_body
 
-    return read_body(Path(options.path))
+    return read_body(Path(options.path), options.item)
 
 
 def _search(

@@ -213,11 +213,11 @@ def test_an_archive_that_would_fill_the_memory_is_refused(
 ) -> None:
     """It is small itself, and nothing of it is inflated."""
     monkeypatch.setattr("dicedesign.geometry.meshes.reading.MOST_INFLATED", 1 << 22)
-    path = tmp_path / "bomb.3mf"
+    path = tmp_path / "bomb.3dxml"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("3D/3dmodel.model", bytes((1 << 22) + 1))
+        archive.writestr("Manifest.xml", bytes((1 << 22) + 1))
     assert path.stat().st_size < 1 << 14
-    with pytest.raises(MeshFileError, match=r"bomb\.3mf: expected at most 4 MiB in an archive"):
+    with pytest.raises(MeshFileError, match=r"bomb\.3dxml: expected at most 4 MiB in an archive"):
         read_body(path)
 
 
