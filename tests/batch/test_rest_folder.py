@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from common.inline_executor import Inline, Lossy
+from common.kernels import compiled_only
 from common.processes import FILES, heed_interrupts, kill_at_write, shorten, start_run
 
 from dicedesign.batch import batch
@@ -48,6 +49,7 @@ def without_seconds(path: Path) -> list[dict[str, str]]:
         return [{**row, "seconds": ""} for row in csv.DictReader(file)]
 
 
+@compiled_only
 def test_the_number_of_jobs_has_no_effect(
     meshes: Path,
     tmp_path: Path,

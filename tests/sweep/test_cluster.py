@@ -23,6 +23,7 @@ import dask
 import pytest
 import trimesh
 from common.inline_executor import Inline
+from common.kernels import compiled_only
 from distributed import Client
 
 from dicedesign.cli.main import main
@@ -98,6 +99,7 @@ def rows_of(table: Path) -> list[dict[str, str]]:
         return [{**row, "seconds": ""} for row in csv.DictReader(file)]
 
 
+@compiled_only
 @pytest.mark.full
 def test_results_are_those_of_one_process(
     tmp_path: Path, recipe_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from common.browser import PATIENCE, OpenedPage, gizmo_place
+from common.kernels import compiled_only
 from common.paths import public_data
 
 import dicedesign as dd
@@ -82,6 +83,7 @@ def test_probabilities_follow_a_dragged_center_and_a_dragged_corner(
     assert opened.errors == []
 
 
+@compiled_only
 def test_a_clicked_bar_stands_the_body_and_a_throw_ends_on_a_rest(
     open_page: Callable[..., OpenedPage], block: Path
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from common.browser import OpenedPage
+from common.kernels import compiled_only
 
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import parse_recipe
@@ -66,6 +67,7 @@ def test_the_tally_says_what_a_test_says() -> None:
     assert "hardly has them" in describe_tally(np.array([60, 20, 10, 10]), fair, "carpet")
 
 
+@compiled_only
 def test_throws_are_counted_on_the_page(open_page: Callable[..., OpenedPage], cube: Path) -> None:
     opened = open_page(cube)
 
