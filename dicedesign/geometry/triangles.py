@@ -127,6 +127,28 @@ def solid_inertia(points: Floats, triangles: Integers) -> Floats:
     return inertia
 
 
+def join_inertia(masses: Floats, centers: Floats, inertias: Floats) -> tuple[Floats, Floats]:
+    """Center of mass (3,) of bodies that are fixed to each other, and their tensor of inertia
+    (3, 3) about it for a mass of 1.
+
+    masses: (n,), of a sum above 0; centers: (n, 3); inertias: (n, 3, 3) of each body about its own
+    center for a mass of 1.
+    """
+    shares = masses / masses.sum()
+    center = shares @ centers
+    arms = centers - center
+    squares = (arms * arms).sum(-1)[:, None, None] * np.eye(3)
+    moved = inertias + squares - arms[:, :, None] * arms[:, None, :]
+    return center, np.tensordot(shares, moved, 1)
+
+
+def principal_axes(inertia: Floats) -> tuple[Floats, Floats]:
+    """Principal moments (3,), ascending, of a tensor of inertia (3, 3), and its principal axes
+    (3, 3) as columns, right-handed."""
+    moments, axes = np.linalg.eigh(inertia)
+    return moments, axes * np.array([1.0, 1.0, np.linalg.det(axes)]).round()
+
+
 def second_moments(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[Any, Any]:
     """Integral (3, 3) of the products of two coordinates over a solid, and its volume.
 

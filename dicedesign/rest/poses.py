@@ -13,14 +13,20 @@ from numpy.typing import ArrayLike
 
 from dicedesign.errors import MOST_COUNT, DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, hull_precision
-from dicedesign.geometry.meshes.body import Body, body_of, resolve_center_of_mass
-from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
-from dicedesign.geometry.triangles import Surface
+from dicedesign.geometry.meshes.body import (
+    Body,
+    MassProperties,
+    body_of,
+    resolve_center_of_mass,
+    solid_triangles,
+)
+from dicedesign.geometry.sphere import angle_between, turns_down, unit_vectors
+from dicedesign.geometry.triangles import Surface, solid_inertia, solid_properties
 from dicedesign.rest.basins import Basins, find_basins, merged_rests
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import CLOSURE_TOLERANCE, NOTED_ROUNDING
+from dicedesign.tolerances import CLOSURE_TOLERANCE, NOTED_ROUNDING, VOLUME_TOLERANCE
 
 if TYPE_CHECKING:
     from dicedesign.rest.prior import Prior
@@ -263,13 +269,12 @@ class RestPoses:
     def transforms(self) -> Floats:
         """(k, 4, 4) rigid motions that stand the body on the plane z = 0 with the center of mass on
         the z axis."""
-        heights = self.hull.heights(self.center_of_mass)[self.facets]
-        return np.stack(
-            [
-                standing_transform(normal, height, self.center_of_mass)
-                for normal, height in zip(self.normals, heights, strict=True)
-            ]
-        )
+        return self.stand_on(self.facets)
+
+    def stand_on(self, facets: Integers) -> Floats:
+        """(n, 4, 4) `transforms` onto any facets (n,) of the hull, stable or not."""
+        heights = self.hull.heights(self.center_of_mass)[facets]
+        return standing_transforms(self.hull.normals[facets], heights, self.center_of_mass)
 
     def sample(self, n: int, rng: Seed = None) -> SampledPoses:
         """Draw n poses by their probabilities, with random headings.
@@ -293,13 +298,40 @@ class RestPoses:
         return SampledPoses(turns @ self.transforms[rests], rests)
 
 
-def standing_transform(normal: Floats, height: float, center_of_mass: Floats) -> Floats:
-    """Rigid motion (4, 4) that turns `normal` down by the smallest rotation and puts the center of
-    mass on the z axis at `height`."""
-    transform = np.eye(4)
-    transform[:3, :3] = rotation_between(normal, np.array([0.0, 0.0, -1.0]))
-    transform[:3, 3] = np.array([0.0, 0.0, height]) - transform[:3, :3] @ center_of_mass
-    return transform
+def standing_transforms(normals: Floats, heights: Floats | float, center_of_mass: Floats) -> Floats:
+    """Rigid motions (..., 4, 4) that turn unit `normals` (..., 3) down by the smallest rotation and
+    put the center of mass on the z axis at `heights` (...)."""
+    transforms = np.zeros((*normals.shape[:-1], 4, 4))
+    transforms[..., :3, :3] = turns_down(normals)
+    transforms[..., :3, 3] = -transforms[..., :3, :3] @ center_of_mass
+    transforms[..., 2, 3] += heights
+    transforms[..., 3, 3] = 1.0
+    return transforms
+
+
+def mass_properties(body: Body, poses: RestPoses) -> MassProperties:
+    """Mass properties of a body: those it has, or of density 1 for the uniform solid, with its
+    inertia about the solid's centroid, or for the uniform solid hull if the body bounds no solid or
+    has the hull's center. poses: its rests.
+
+    Raises DegenerateBodyError if the mesh is closed and encloses no volume.
+    """
+    is_solid_hull = poses.center_of_mass_source == "uniform solid hull"
+    if body.mass_properties is not None and not is_solid_hull:
+        return body.mass_properties
+    solid = None if is_solid_hull else solid_triangles(body)
+    points, triangles = poses.hull.vertices, poses.hull.triangles
+    if solid is not None:
+        points, triangles = body.points, solid[0]
+    volume, centroid = solid_properties(points, triangles)
+    extent = float(np.ptp(points, axis=0).max())
+    if abs(volume) <= VOLUME_TOLERANCE * extent**3:
+        raise DegenerateBodyError(
+            f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
+            f"extent of {extent:.3g}; repair the mesh"
+        )
+    inertia = solid_inertia(points, triangles)
+    return MassProperties(abs(volume), centroid, inertia, poses.center_of_mass_source, abs(volume))
 
 
 def rest_poses(
@@ -383,9 +415,7 @@ def analyze(
     )
 
 
-def _combine_sides(
-    hull: ConvexHull, sides: tuple[Basins, ...]
-) -> tuple[Integers, Floats, bool]:
+def _combine_sides(hull: ConvexHull, sides: tuple[Basins, ...]) -> tuple[Integers, Floats, bool]:
     """Facets (k,) that a body rests on, the mean areas (k,) of their basins, and whether the sides
     differ."""
     if len(sides) == 1 and hull.finer is None:
