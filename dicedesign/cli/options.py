@@ -21,9 +21,10 @@ from dicedesign.runtime.files import json_text
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+    from numpy.typing import ArrayLike
     from tqdm import tqdm
 
-    from dicedesign.batch.batch import Center
+    from dicedesign.batch.rest_rows import Center
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
@@ -166,22 +167,23 @@ def center_of_mass(text: str | None) -> Center:
 
 
 def read_poses(
-    path: Path,
+    mesh: Path | Body,
     com: str | None = None,
     coplanar_tolerance: float | None = None,
     parts: Iterable[str] = (),
     *,
-    center: Floats | None = None,
+    center: ArrayLike | None = None,
 ) -> tuple[Body, RestPoses]:
-    """Read a body and compute its rests; print their notes on stderr.
+    """Read a body, if `mesh` is a file, and compute its rests; print their notes on stderr.
 
     com, coplanar_tolerance, parts: values of options; center: center of mass without `--com`.
     """
     # Commands about designed dice do not need these imports.
+    from dicedesign.geometry.meshes.body import Body
     from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.poses import rest_poses
 
-    body = read_body(path)
+    body = mesh if isinstance(mesh, Body) else read_body(mesh)
     others = [(read_body(file), density) for file, density in map(_parse_part, parts)]
     if others:
         from dicedesign.geometry.meshes.manifold import weighted_body

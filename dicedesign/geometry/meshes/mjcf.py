@@ -24,7 +24,7 @@ from dicedesign.geometry.meshes.links import (
     parse_xml,
     primitive_shape,
 )
-from dicedesign.geometry.sphere import rigid_motion, rotation_between
+from dicedesign.geometry.sphere import rigid_motion, rotation_between, unit_vectors
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
@@ -85,6 +85,16 @@ class MjcfModel:
 
     def motion(self, of: Attributes) -> Floats:
         """Motion (4, 4) of a frame."""
+        try:
+            with np.errstate(divide="raise", invalid="raise"):
+                turn = self._turn(of)
+        except (InputError, FloatingPointError, ValueError) as error:
+            raise InputError(
+                f"orientation: expected a rotation, but {error}; correct it"
+            ) from error
+        return rigid_motion(turn, numbers(of, "pos", "0 0 0"))
+
+    def _turn(self, of: Attributes) -> Floats:
         # Mesh files do without this.
         from scipy.spatial.transform import Rotation
 
@@ -94,21 +104,18 @@ class MjcfModel:
             for axis, angle in zip(order, numbers(of, "euler", ""), strict=True):
                 one = Rotation.from_euler(axis.lower(), angle, degrees).as_matrix()
                 turn = turn @ one if axis.islower() else one @ turn
-        elif "axisangle" in of:
-            *axis, angle = numbers(of, "axisangle", "", 4)
-            vector = np.array(axis) / np.linalg.norm(axis) * angle
-            turn = Rotation.from_rotvec(vector, degrees).as_matrix()
-        elif "xyaxes" in of:
+            return turn
+        if "axisangle" in of:
+            *vector, angle = numbers(of, "axisangle", "", 4)
+            return Rotation.from_rotvec(unit_vectors(np.array(vector)) * angle, degrees).as_matrix()
+        if "xyaxes" in of:
             x, y = numbers(of, "xyaxes", "", 6).reshape(2, 3)
             z = np.cross(x, y)
-            axes = np.column_stack([x, np.cross(z, x), z])
-            turn = axes / np.linalg.norm(axes, axis=0)
-        elif "zaxis" in of:
-            turn = rotation_between(np.array([0.0, 0.0, 1.0]), numbers(of, "zaxis", ""))
-        else:
-            quaternion = numbers(of, "quat", "1 0 0 0", 4)
-            turn = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        return rigid_motion(turn, numbers(of, "pos", "0 0 0"))
+            return unit_vectors(np.array([x, np.cross(z, x), z])).T
+        if "zaxis" in of:
+            return rotation_between(np.array([0.0, 0.0, 1.0]), numbers(of, "zaxis", ""))
+        quaternion = numbers(of, "quat", "1 0 0 0", 4)
+        return Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
 
     def links(self) -> list[Link]:
         """Bodies with shapes, in the order of the file."""

@@ -58,31 +58,42 @@ class NamedBody:
 
 
 def list_bodies(path: Path) -> list[NamedBody]:
-    """Bodies of a mesh file or a robot. Links without shapes are left out.
-
-    Raises MeshFileError: a robot cannot be read, or has no link with shapes.
-    """
+    """Bodies of a mesh file or a robot. Links without shapes are left out. A robot that cannot be
+    read is one body, which raises when it is read."""
     if path.suffix.lower() not in ROBOT_ENDINGS:
         return [NamedBody("", partial(read_body, path))]
+
+    def read_link(name: str, read: Callable[[str], Body]) -> Body:
+        with named(f"{path}: link {name}"):
+            return read(name)
+
+    def fail(error: Exception) -> Body:
+        raise error
+
+    try:
+        return [
+            NamedBody(name, partial(read_link, name, read), "m", has_mass)
+            for name, read, has_mass in _list_links(path)
+        ]
+    except Exception as error:
+        return [NamedBody("", partial(fail, error))]
+
+
+def _list_links(path: Path) -> list[Link]:
     root, read_mesh = parse_xml(path), cache(read_body)
-    if root.tag == "robot":
-        readers = list(_urdf_links(path, root, read_mesh))
-    elif root.tag == "mujoco":
-        with named(str(path)):
-            readers = MjcfModel(path, root, read_mesh).links()
-    else:
+    if root.tag not in ("robot", "mujoco"):
         raise MeshFileError(
             f"{path}: expected robot (URDF) or mujoco (MJCF) as root element, got "
             f"{root.tag[:40]!a}; name a robot"
         )
-    if not readers:
-        raise MeshFileError(f"{path}: expected a link with shapes, found none; add a shape")
-
-    def read_named(name: str, read: Callable[[str], Body]) -> Body:
-        with named(f"{path}: link {name}"):
-            return read(name)
-
-    return [NamedBody(name, partial(read_named, name, read), "m", m) for name, read, m in readers]
+    with named(str(path)):
+        if root.tag == "robot":
+            links = list(_urdf_links(path, root, read_mesh))
+        else:
+            links = MjcfModel(path, root, read_mesh).links()
+        if not links:
+            raise InputError("expected a link with shapes, found none; add a shape")
+    return links
 
 
 def _urdf_links(path: Path, root: Element, read_mesh: Callable[[Path], Body]) -> Iterator[Link]:
