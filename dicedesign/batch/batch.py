@@ -16,7 +16,7 @@ from dicedesign.batch.rest_rows import RestOptions
 from dicedesign.batch.rest_table import Entry, Stamp, broken_entry, make_entry
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.reading import OWN_ENDINGS, mesh_endings
-from dicedesign.geometry.meshes.robots import list_bodies
+from dicedesign.geometry.robots.bodies import list_bodies
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
 

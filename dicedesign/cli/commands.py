@@ -169,12 +169,10 @@ class RestArguments(WithBody, WithWorkers):
     Given a folder, writes a table of all meshes in it (--out); repeat the command to resume.
 
     Options:
-    meshes (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., a robot (URDF or MJCF), whose links are
-        listed, or a folder of meshes
-    density (D): in g/cm3, for mass and inertia of meshes in mm and of links without a mass
-    masses (FILE.csv): columns file, as in the table, and x,y,z, the center of mass, or density of
-        single files
-    all_facets: list the hull's unstable facets too, with the rest that the body rolls to
+    meshes (MESH): mesh (STL, OBJ, ...), robot (URDF, MJCF) or folder of meshes
+    density (D): in g/cm3, for the mass and inertia of bodies without a mass
+    masses (FILE.csv): columns file and x,y,z (center of mass) or density
+    all_facets: list unstable facets too, with the rest they roll to
     table (NAME|FILE.json): of a mesh: add probabilities for throws onto this table by the momentum
         model: board-game, hard-wood, paper, carpet or a table file; a throw distribution follows a
         colon, as in board-game:cup

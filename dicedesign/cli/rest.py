@@ -24,7 +24,7 @@ from dicedesign.cli.options import (
     workers_of,
 )
 from dicedesign.errors import DiceError, InputError, named, printable
-from dicedesign.geometry.meshes.robots import ROBOT_ENDINGS, NamedBody, list_bodies
+from dicedesign.geometry.robots.bodies import ROBOT_ENDINGS, NamedBody, list_bodies
 from dicedesign.runtime.files import atomic_write, read_text
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ def list_rests(options: RestArguments) -> int:
     for name in ("jobs", "scheduler"):
         if getattr(options, name) is not None:
             raise InputError(
-                f"--{name}: expected a folder of meshes, got {meshes[0]}; leave --{name} out, name "
-                "a folder, or write a table with --out"
+                f"--{name}: expected a folder of meshes, got {meshes[0]}; leave --{name} out, or "
+                "name a folder or a table with --out"
             )
     settings = _settings(options, map(str, meshes))
     bodies = [(mesh, source) for mesh in meshes for source in list_bodies(mesh)]
@@ -212,8 +212,7 @@ def _write_table(options: RestArguments) -> int:
         if getattr(options, name) not in (None, False, ()):
             got = f"the folder {folder}" if is_folder else f"--out {path}"
             raise InputError(
-                f"--{name}: expected one mesh whose rests are printed, got {got}; name a file, or "
-                f"leave --{name} out"
+                f"--{name}: expected one mesh, got {got}; name a file, or leave --{name} out"
             )
     # A wrong ending fails before the work.
     table_format(path)

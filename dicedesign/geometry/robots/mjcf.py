@@ -13,7 +13,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.links import (
+from dicedesign.geometry.robots.links import (
     Attributes,
     Link,
     Shape,

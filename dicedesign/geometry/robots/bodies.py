@@ -17,7 +17,7 @@ import numpy as np
 
 from dicedesign.errors import InputError, MeshFileError, named
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.links import (
+from dicedesign.geometry.robots.links import (
     Attributes,
     Link,
     Shape,
@@ -28,7 +28,7 @@ from dicedesign.geometry.meshes.links import (
     parse_xml,
     primitive_shape,
 )
-from dicedesign.geometry.meshes.mjcf import MjcfModel
+from dicedesign.geometry.robots.mjcf import MjcfModel
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import rigid_motion
 from dicedesign.runtime.arrays import Floats
