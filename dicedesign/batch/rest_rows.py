@@ -104,12 +104,13 @@ def mass_values(
     except DegenerateBodyError:
         return values
     length = 1000.0 if source.unit == "m" else 1.0
-    mass = None
+    values["volume_mm3"] = properties.volume * length**3
     if source.has_mass and properties is body.mass_properties:
         mass = 1000.0 * properties.mass
     elif density is not None:
         mass = 1e-3 * density * properties.mass * length**3
+    else:
+        return values
     moments, axes = principal_axes(properties.inertia)
-    inertia = [None] * 3 if mass is None else (mass * length**2 * moments).tolist()
-    numbers = [properties.volume * length**3, mass, *inertia, *quaternions(axes).tolist()]
-    return dict(zip(MASS_NAMES, numbers, strict=True))
+    numbers = [mass, *(mass * length**2 * moments).tolist(), *quaternions(axes).tolist()]
+    return values | dict(zip(MASS_NAMES[1:], numbers, strict=True))

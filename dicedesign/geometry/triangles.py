@@ -112,21 +112,6 @@ def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats
     return float(volume) * scale**3, reference + scale * centroid
 
 
-def solid_inertia(points: Floats, triangles: Integers) -> Floats:
-    """Tensor of inertia (3, 3) about the centroid of the uniform solid a closed surface bounds, for
-    a mass of 1: in squared length units.
-
-    points: (n, 3); triangles: (t, 3) as for `solid_properties`, of a volume that is not zero.
-    """
-    _, centroid = solid_properties(points, triangles)
-    offsets = points - centroid
-    scale = float(np.abs(offsets).max())
-    moments, volume = second_moments(offsets / scale, triangles, np)
-    moments = moments * (scale**2 / volume)
-    inertia: Floats = np.trace(moments) * np.eye(3) - moments
-    return inertia
-
-
 def join_inertia(masses: Floats, centers: Floats, inertias: Floats) -> tuple[Floats, Floats]:
     """Center of mass (3,) of bodies that are fixed to each other, and their tensor of inertia
     (3, 3) about it for a mass of 1.
@@ -247,6 +232,17 @@ class Surface:
     def centroid(self) -> Floats:
         """(3,) center of mass of the uniform solid."""
         return self._properties[1]
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """(3, 3) tensor of inertia of the uniform solid about its centroid for a mass of 1, in
+        squared length units; of a surface that may be oriented inward, but encloses a volume."""
+        offsets = self.points - self.centroid
+        scale = float(np.abs(offsets).max())
+        moments, volume = second_moments(offsets / scale, self.triangles, np)
+        moments = moments * (scale**2 / volume)
+        inertia: Floats = np.trace(moments) * np.eye(3) - moments
+        return inertia
 
     @cached_property
     def diagonal(self) -> float:

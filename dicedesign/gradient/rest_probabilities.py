@@ -77,7 +77,7 @@ def _centroid(vertices: Tensor, triangles: Integers) -> Tensor:
 
 def hull_inertia(vertices: Tensor, hull: ConvexHull) -> Tensor:
     """Tensor of inertia (3, 3) of the uniform solid hull about its centroid, over its mass, as a
-    function of the vertices (n, 3); see `dicedesign.geometry.triangles.solid_inertia`."""
+    function of the vertices (n, 3); see `dicedesign.geometry.triangles.Surface`."""
     centroid = _centroid(vertices, hull.triangles)
     moments, volume = second_moments(vertices - centroid, hull.triangles, torch)
     moments = moments / volume

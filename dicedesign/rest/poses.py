@@ -21,7 +21,7 @@ from dicedesign.geometry.meshes.body import (
     solid_triangles,
 )
 from dicedesign.geometry.sphere import angle_between, turns_down, unit_vectors
-from dicedesign.geometry.triangles import Surface, solid_inertia, solid_properties
+from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.basins import Basins, find_basins, merged_rests
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import trace_to_rests
@@ -310,28 +310,24 @@ def standing_transforms(normals: Floats, heights: Floats | float, center_of_mass
 
 
 def mass_properties(body: Body, poses: RestPoses) -> MassProperties:
-    """Mass properties of a body: those it has, or of density 1 for the uniform solid, with its
-    inertia about the solid's centroid, or for the uniform solid hull if the body bounds no solid or
-    has the hull's center. poses: its rests.
+    """Mass properties of a body: its own, or those of density 1 of its uniform solid about its own
+    centroid; of the uniform hull if it bounds no solid or has the hull's center of mass.
 
-    Raises DegenerateBodyError if the mesh is closed and encloses no volume.
+    poses: its rests. Raises DegenerateBodyError if the mesh is closed and encloses no volume.
     """
-    is_solid_hull = poses.center_of_mass_source == "uniform solid hull"
-    if body.mass_properties is not None and not is_solid_hull:
+    is_hull = poses.center_of_mass_source == "uniform solid hull"
+    if body.mass_properties is not None and not is_hull:
         return body.mass_properties
-    solid = None if is_solid_hull else solid_triangles(body)
-    points, triangles = poses.hull.vertices, poses.hull.triangles
-    if solid is not None:
-        points, triangles = body.points, solid[0]
-    volume, centroid = solid_properties(points, triangles)
-    extent = float(np.ptp(points, axis=0).max())
+    closed = None if is_hull else solid_triangles(body)
+    surface = poses.hull.surface if closed is None else Surface(body.points, closed[0])
+    volume, extent = surface.volume, float(np.ptp(surface.points, axis=0).max())
     if abs(volume) <= VOLUME_TOLERANCE * extent**3:
         raise DegenerateBodyError(
             f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
             f"extent of {extent:.3g}; repair the mesh"
         )
-    inertia = solid_inertia(points, triangles)
-    return MassProperties(abs(volume), centroid, inertia, poses.center_of_mass_source, abs(volume))
+    volume = abs(volume)
+    return MassProperties(volume, surface.centroid, surface.inertia, "uniform solid", volume)
 
 
 def rest_poses(

@@ -94,9 +94,9 @@ def rigid_body(
     hull, center, morse = poses.hull, poses.center_of_mass, poses.morse
     arms = hull.vertices - center
     radius = float(np.linalg.norm(arms, axis=1).max())
-    moments, axes = principal_axes(
-        mass_properties(body, poses).inertia if inertia is None else inertia
-    )
+    if inertia is None:
+        inertia = mass_properties(body, poses).inertia
+    moments, axes = principal_axes(inertia)
     vertices = np.ascontiguousarray(arms @ axes / radius)
     start, order = hull.outgoing
     barriers = np.full(len(poses.facets), np.inf)

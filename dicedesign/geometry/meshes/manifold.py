@@ -20,7 +20,7 @@ from dicedesign.geometry.meshes.body import (
     make_body,
     solid_triangles,
 )
-from dicedesign.geometry.triangles import Surface, join_inertia, solid_inertia
+from dicedesign.geometry.triangles import Surface, join_inertia
 from dicedesign.runtime.arrays import Floats, Integers
 
 
@@ -108,8 +108,7 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
         if density > 0.0 and not rest.is_empty():
             piece = mesh_of(rest)
             volume += piece.volume
-            inertia = solid_inertia(piece.points, piece.triangles)
-            pieces.append((density * piece.volume, piece.centroid, inertia))
+            pieces.append((density * piece.volume, piece.centroid, piece.inertia))
     weights, centers, inertias = (
         np.array(column) for column in zip(*(pieces or [(0.0, origin, np.eye(3))]), strict=True)
     )

@@ -17,6 +17,7 @@ import numpy as np
 
 from dicedesign.errors import InputError, MeshFileError, named
 from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.robots.links import (
     Attributes,
     Link,
@@ -29,7 +30,6 @@ from dicedesign.geometry.robots.links import (
     primitive_shape,
 )
 from dicedesign.geometry.robots.mjcf import MjcfModel
-from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import rigid_motion
 from dicedesign.runtime.arrays import Floats
 

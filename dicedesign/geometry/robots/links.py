@@ -14,7 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError, MeshFileError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import Body, MassProperties, make_body, solid_triangles
-from dicedesign.geometry.triangles import Surface, join_inertia, join_surfaces, solid_inertia
+from dicedesign.geometry.triangles import Surface, join_inertia, join_surfaces
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import MAX_TEXT_BYTES, read_file
 
@@ -143,7 +143,7 @@ def make_link(
             )
         surfaces = [shape.surface for shape, _ in solids]
         centers = np.array([surface.centroid for surface in surfaces])
-        inertias = np.array([solid_inertia(each.points, each.triangles) for each in surfaces])
+        inertias = np.array([surface.inertia for surface in surfaces])
         center, tensor = join_inertia(masses, centers, inertias)
         source = "solids of the link"
     if inertial is not None:
