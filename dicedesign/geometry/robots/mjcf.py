@@ -64,15 +64,17 @@ class MjcfModel:
         for element in root.iterfind("compiler"):
             self.compiler |= element.attrib
         self.classes: dict[str, dict[str, Attributes]] = {"main": {}}
-        pending = [(element, "main", self.classes["main"]) for element in root.iterfind("default")]
+        pending = [(element, "main", "main") for element in root.iterfind("default")][::-1]
         while pending:
             element, name, above = pending.pop()
-            own = {child.tag: {**above.get(child.tag, {}), **child.attrib} for child in element}
-            self.classes[name] = {**above, **own}
-            pending += [
-                (child, child.get("class", ""), self.classes[name])
-                for child in element.iterfind("default")
-            ]
+            # A class may be in several places, such as in included files.
+            base = self.classes.get(name, self.classes[above])
+            own = {child.tag: {**base.get(child.tag, {}), **child.attrib} for child in element}
+            self.classes[name] = {**base, **own}
+            inner = [(each, each.get("class", ""), name) for each in element.iterfind("default")]
+            pending += inner[::-1]
+        for element in root.iterfind("default"):
+            self.classes.setdefault(element.get("class", "main"), self.classes["main"])
         meshes = [self.attributes(mesh, "main") for mesh in root.iterfind("asset/mesh")]
         self.assets = {of.get("name", Path(of.get("file", "")).stem): of for of in meshes}
 

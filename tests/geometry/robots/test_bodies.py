@@ -39,7 +39,8 @@ MJCF = """<mujoco>
  <geom type="ellipsoid" size=".1 .2 .3" pos=".3 0 0"/><geom size=".2" pos="0 0 .3"/></body>
 </worldbody></mujoco>"""
 
-MORE = '<mujoco><asset><mesh name="more" file="b.obj" class="small"/></asset></mujoco>'
+MORE = """<mujoco><default class="main"><geom friction="1"/></default>
+<asset><mesh name="more" file="b.obj" class="small"/></asset></mujoco>"""
 
 LINK = """<link name="{name}">{inertial}
 <{kind}><origin xyz=".1 .2 .3" rpy=".3 -.5 1.2"/><geometry>{shape}</geometry></{kind}></link>"""
