@@ -10,7 +10,7 @@ import numpy as np
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.robots.bodies import NamedBody
+from dicedesign.geometry.robots.links import NamedBody
 from dicedesign.geometry.sphere import quaternions
 from dicedesign.geometry.triangles import principal_axes
 from dicedesign.rest.poses import RestPoses, mass_properties

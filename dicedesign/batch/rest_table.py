@@ -17,7 +17,7 @@ import numpy as np
 from dicedesign.batch.rest_rows import MASS_NAMES, RestOptions, facet_columns, mass_values
 from dicedesign.errors import InputError, missing_extra
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.robots.bodies import NamedBody
+from dicedesign.geometry.robots.links import NamedBody
 from dicedesign.geometry.sphere import quaternions
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.checkpoint import AutosavedFile

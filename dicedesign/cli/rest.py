@@ -6,6 +6,7 @@ import csv
 import math
 import os
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,8 @@ from dicedesign.cli.options import (
     workers_of,
 )
 from dicedesign.errors import DiceError, InputError, named, printable
-from dicedesign.geometry.robots.bodies import ROBOT_ENDINGS, NamedBody, list_bodies
+from dicedesign.geometry.robots.bodies import ROBOT_ENDINGS, list_bodies
+from dicedesign.geometry.robots.links import NamedBody
 from dicedesign.runtime.files import atomic_write, read_text
 
 if TYPE_CHECKING:
@@ -53,7 +55,8 @@ def list_rests(options: RestArguments) -> int:
     for mesh, source in bodies:
         label = {"file": str(mesh)} | ({"body": source.name} if source.name else {})
         try:
-            record, text = _describe_body(options, settings, mesh, source)
+            with named(f"{mesh}: link {source.name}") if source.name else nullcontext():
+                record, text = _describe_body(options, settings, mesh, source)
         except DiceError as error:
             if len(bodies) == 1:
                 raise

@@ -8,10 +8,9 @@ inertial frame, or of its shapes. Joints do not matter.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.robots.links import (
     Attributes,
-    Link,
+    NamedBody,
     Shape,
     inertial_frame,
     make_link,
@@ -39,47 +38,22 @@ if TYPE_CHECKING:
 ROBOT_ENDINGS = frozenset([".urdf", ".xml", ".mjcf"])
 
 
-@dataclass(frozen=True)
-class NamedBody:
-    """Body of a file.
-
-    Attributes
-    ----------
-    name: of a link; empty for a mesh file.
-    read: reads the body. Raises InputError.
-    unit: of lengths.
-    has_mass: the mass of its `mass_properties` is in kg.
-    """
-
-    name: str
-    read: Callable[[], Body]
-    unit: Literal["mm", "m"] = "mm"
-    has_mass: bool = False
-
-
 def list_bodies(path: Path) -> list[NamedBody]:
     """Bodies of a mesh file or a robot. Links without shapes are left out. A robot that cannot be
     read is one body, which raises when it is read."""
     if path.suffix.lower() not in ROBOT_ENDINGS:
         return [NamedBody("", partial(read_body, path))]
 
-    def read_link(name: str, read: Callable[[str], Body]) -> Body:
-        with named(f"{path}: link {name}"):
-            return read(name)
-
     def fail(error: Exception) -> Body:
         raise error
 
     try:
-        return [
-            NamedBody(name, partial(read_link, name, read), "m", has_mass)
-            for name, read, has_mass in _list_links(path)
-        ]
+        return _list_links(path)
     except Exception as error:
         return [NamedBody("", partial(fail, error))]
 
 
-def _list_links(path: Path) -> list[Link]:
+def _list_links(path: Path) -> list[NamedBody]:
     root, read_mesh = parse_xml(path), cache(read_body)
     if root.tag not in ("robot", "mujoco"):
         raise MeshFileError(
@@ -96,7 +70,9 @@ def _list_links(path: Path) -> list[Link]:
     return links
 
 
-def _urdf_links(path: Path, root: Element, read_mesh: Callable[[Path], Body]) -> Iterator[Link]:
+def _urdf_links(
+    path: Path, root: Element, read_mesh: Callable[[Path], Body]
+) -> Iterator[NamedBody]:
     def attributes(element: Element, child: str) -> Attributes:
         return {} if (found := element.find(child)) is None else found.attrib
 
@@ -152,5 +128,5 @@ def _urdf_links(path: Path, root: Element, read_mesh: Callable[[Path], Body]) ->
 
     for link in root.iterfind("link"):
         if elements := link.findall("collision") or link.findall("visual"):
-            has_mass = link.find("inertial") is not None
-            yield link.get("name", ""), partial(read, link, elements), has_mass
+            name, has_mass = link.get("name", ""), link.find("inertial") is not None
+            yield NamedBody(name, partial(read, link, elements, name), "m", has_mass)

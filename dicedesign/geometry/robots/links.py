@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -24,11 +24,26 @@ if TYPE_CHECKING:
 Attributes = Mapping[str, str]
 """Attributes of an XML element."""
 
-Link = tuple[str, Callable[[str], Body], bool]
-"""Name of a link, function that reads it with what to call it, and whether its mass is known."""
-
 SIDES = 32
 """Sides of the polyhedron that stands for a round shape."""
+
+
+@dataclass(frozen=True)
+class NamedBody:
+    """Body of a file.
+
+    Attributes
+    ----------
+    name: of a link; empty for a mesh file.
+    read: reads the body. Raises InputError.
+    unit: of lengths.
+    has_mass: the mass of its `mass_properties` is in kg.
+    """
+
+    name: str
+    read: Callable[[], Body]
+    unit: Literal["mm", "m"] = "mm"
+    has_mass: bool = False
 
 
 @dataclass(frozen=True)

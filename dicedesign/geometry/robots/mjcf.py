@@ -15,7 +15,7 @@ from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.robots.links import (
     Attributes,
-    Link,
+    NamedBody,
     Shape,
     inertial_frame,
     make_link,
@@ -119,9 +119,9 @@ class MjcfModel:
         quaternion = numbers(of, "quat", "1 0 0 0", 4)
         return Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
 
-    def links(self) -> list[Link]:
+    def links(self) -> list[NamedBody]:
         """Bodies with shapes, in the order of the file."""
-        links: list[Link] = []
+        links: list[NamedBody] = []
         pending = [(world, "main") for world in self.root.iterfind("worldbody")][::-1]
         count = 0
         while pending:
@@ -132,7 +132,8 @@ class MjcfModel:
                 geoms = self._geoms(element, class_name)
                 if geoms:
                     name = element.get("name", f"body {count}")
-                    links.append((name, partial(self._read, element, geoms), True))
+                    read = partial(self._read, element, geoms, name)
+                    links.append(NamedBody(name, read, "m", True))
             children = [child for child in element if child.tag in ("body", "frame")]
             pending += [(child, class_name) for child in reversed(children)]
         return links

@@ -9,7 +9,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from dicedesign.geometry.robots.bodies import NamedBody, list_bodies
+from dicedesign.geometry.robots.bodies import list_bodies
+from dicedesign.geometry.robots.links import NamedBody
 from dicedesign.rest.poses import rest_poses
 
 MJCF = """<mujoco>
