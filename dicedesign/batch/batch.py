@@ -1,18 +1,23 @@
-"""Analysis of all meshes of a folder, in parallel tasks of a few files each."""
+"""Analysis of many meshes, in parallel tasks of a few files each."""
 
 from __future__ import annotations
 
+import operator
 import os
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
-from typing import Literal, NoReturn
+from typing import NoReturn
 
+from dicedesign.batch.rest_rows import RestOptions
 from dicedesign.batch.rest_table import Entry, Stamp, broken_entry, make_entry
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.reading import OWN_ENDINGS, mesh_endings
+from dicedesign.geometry.robots.bodies import list_bodies
+from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
 
 
@@ -51,13 +56,7 @@ def list_folder(folder: Path) -> FolderFiles:
             if ending not in endings:
                 others += 1
                 continue
-            try:
-                status = os.stat(os.path.join(parent, name))
-                state = (status.st_size, status.st_mtime_ns)
-            except OSError:
-                # A broken link, which gets an error when it is read.
-                state = (0, 0)
-            meshes[start + name] = state
+            meshes[start + name] = file_state(os.path.join(parent, name))
     if not meshes:
         raise InputError(
             f"{folder}: expected a folder with meshes, files ending in "
@@ -66,50 +65,47 @@ def list_folder(folder: Path) -> FolderFiles:
     return FolderFiles(dict(sorted(meshes.items())), others)
 
 
+def file_state(path: str | Path) -> tuple[int, int]:
+    """Size of a file in bytes and time of its last change in nanoseconds; (0, 0) without one, which
+    gets an error when it is read."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return 0, 0
+    return status.st_size, status.st_mtime_ns
+
+
 def _unreadable(error: OSError) -> NoReturn:
     raise InputError(
         f"{error.filename}: expected a readable folder, got {error.strerror!r}; check permissions"
     ) from error
 
 
-Center = tuple[float, float, float] | Literal["hull"] | None
-"""Center of mass, as in `rest_poses`."""
-
-
 def analyze_files(
-    folder: str,
-    stamps: Mapping[str, Stamp],
-    center_of_mass: Center = None,
-    coplanar_tolerance: float | None = None,
+    folder: str, stamps: Mapping[str, Stamp], options: RestOptions
 ) -> dict[str, Entry]:
-    """Analyze files of a folder. A file that cannot be analyzed gets an entry with the reason.
+    """Analyze files of a folder. A body that cannot be analyzed gets a row with the reason.
 
     folder: path of the folder.
     stamps: stamp of each file, by its path in the folder.
-    center_of_mass, coplanar_tolerance: see `rest_poses`.
     """
-    # Only the workers need these.
-    from dicedesign.geometry.meshes.reading import read_bodies
-    from dicedesign.rest.poses import rest_poses
-
     entries = {}
     for file, stamp in stamps.items():
-        path, started = Path(folder, file), time.perf_counter()
-        try:
-            parts = []
-            for body in read_bodies(path):
-                poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
+        path, (center, _), rows = Path(folder, file), options.of_file(file), []
+        for source in list_bodies(path):
+            started = time.perf_counter()
+            try:
+                body = source.read()
+                poses = rest_poses(body, center, coplanar_tolerance=options.coplanar_tolerance)
                 seconds = time.perf_counter() - started
-                name = file + body.name.removeprefix(str(path))
-                parts.append(make_entry(name, stamp, poses, seconds))
-            text, rests = "".join(part.text for part in parts), sum(part.rests for part in parts)
-            entries[file] = Entry(stamp, text, rests)
-        except Exception as error:
-            # An unexpected error must not end the analysis of the other files.
-            text = str(error) if isinstance(error, DiceError) else f"{file}: {error!r}"
-            seconds = time.perf_counter() - started
-            reason = text.replace(str(path), file)
-            entries[file] = broken_entry(file, stamp, reason, seconds)
+                rows.append(make_entry(file, stamp, source, body, poses, options, seconds))
+            except Exception as error:
+                # An unexpected error must not end the analysis of the other files.
+                text = str(error) if isinstance(error, DiceError) else f"{file}: {error!r}"
+                seconds = time.perf_counter() - started
+                reason = text.replace(str(path), file)
+                rows.append(broken_entry(file, stamp, reason, seconds, source.name))
+        entries[file] = reduce(operator.add, rows)
     return entries
 
 
@@ -118,8 +114,7 @@ def run_batch(
     stamps: Mapping[str, Stamp],
     executor: Executor,
     jobs: int,
-    center_of_mass: Center = None,
-    coplanar_tolerance: float | None = None,
+    options: RestOptions,
     *,
     on_entries: Callable[[dict[str, Entry]], None],
 ) -> None:
@@ -128,7 +123,7 @@ def run_batch(
 
     Parameters
     ----------
-    folder, stamps, center_of_mass, coplanar_tolerance: see `analyze_files`.
+    folder, stamps, options: see `analyze_files`.
     executor: processes or machines that can import this package and read the folder.
     jobs: number of workers, at least 1.
     on_entries: called with the entries of each finished task.
@@ -137,9 +132,7 @@ def run_batch(
     """
     lost = run_in_batches(
         list(stamps.items()),
-        lambda task: executor.submit(
-            analyze_files, folder, dict(task), center_of_mass, coplanar_tolerance
-        ),
+        lambda task: executor.submit(analyze_files, folder, dict(task), options),
         jobs,
         on_entries,
         size_of=lambda item: item[1].size,

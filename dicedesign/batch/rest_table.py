@@ -1,24 +1,27 @@
-"""Table of the rests of a folder of meshes: a row for each rest, and its file."""
+"""Table of the rests of many bodies: a row for each rest, and its file."""
 
 from __future__ import annotations
 
 import csv
 import io
-import math
+import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
+import numpy as np
+
+from dicedesign.batch.rest_rows import MASS_NAMES, RestOptions, facet_columns, mass_values
 from dicedesign.errors import InputError, missing_extra
+from dicedesign.geometry.meshes.body import Body
+from dicedesign.geometry.robots.links import NamedBody
+from dicedesign.geometry.sphere import quaternions
+from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.checkpoint import AutosavedFile
-from dicedesign.runtime.files import read_file
-
-if TYPE_CHECKING:
-    from dicedesign.rest.poses import RestPoses
-
+from dicedesign.runtime.files import json_text, read_file
 
 ColumnType = Literal["text", "whole", "real"]
 """Content of a column; numbers are empty where a file could not be analyzed."""
@@ -28,31 +31,35 @@ STAMPED: dict[str, ColumnType] = {
     "modified_ns": "whole",
     "com": "text",
     "coplanar_tolerance": "text",
+    "density": "text",
+    "all_facets": "text",
+    "masses": "text",
 }
 """Columns that show whether the file or the options have changed since."""
 
 COLUMNS: dict[str, ColumnType] = {
     "file": "text",
-    "rest": "whole",
-    "probability": "real",
-    "normal_x": "real",
-    "normal_y": "real",
-    "normal_z": "real",
-    "area": "real",
-    "margin_deg": "real",
+    "body": "text",
+    **dict.fromkeys(["rest", "facet", "rolls_to"], "whole"),
+    **dict.fromkeys(["probability", "normal_x", "normal_y", "normal_z", "area"], "real"),
+    **dict.fromkeys(["margin_deg", "depth", "height"], "real"),
+    **dict.fromkeys(["x", "y", "z", "qw", "qx", "qy", "qz"], "real"),
     "rests": "whole",
+    "facets": "whole",
     "center_of_mass_x": "real",
     "center_of_mass_y": "real",
     "center_of_mass_z": "real",
     "center_of_mass_source": "text",
     "hull_vertices": "whole",
+    "unit": "text",
+    **dict.fromkeys(MASS_NAMES, "real"),
     "seconds": "real",
     "notes": "text",
     "error": "text",
     **STAMPED,
 }
-"""Columns of the table. Lengths are in the mesh's unit; rests are numbered from 1, the most
-probable first; columns from "rests" on are equal in all rows of a file."""
+"""Columns of the table. Lengths are in `unit` where the name says none; rests are numbered from 1,
+the most probable first; columns from "rests" on are equal in all rows of a body."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +70,35 @@ class Stamp:
     ----------
     size: size in bytes.
     modified: time of its last change, in nanoseconds since 1970.
-    com, coplanar_tolerance: options as text, empty if they are left out.
+    com, coplanar_tolerance, density, all_facets: options as text, empty if they are left out.
+    masses: what was given about this file alone.
     """
 
     size: int
     modified: int
     com: str = ""
     coplanar_tolerance: str = ""
+    density: str = ""
+    all_facets: str = ""
+    masses: str = ""
+
+
+def make_stamp(file: str, state: tuple[int, int], options: RestOptions) -> Stamp:
+    """Stamp of a file. state: its size and the time of its last change."""
+    com, tolerance, density = (
+        options.center_of_mass,
+        options.coplanar_tolerance,
+        options.density,
+    )
+    given = options.masses.get(file)
+    return Stamp(
+        *state,
+        com=",".join(map(repr, com)) if isinstance(com, tuple) else com or "",
+        coplanar_tolerance="" if tolerance is None else repr(tolerance),
+        density="" if density is None else repr(density),
+        all_facets="yes" if options.all_facets else "",
+        masses="" if given is None else repr(tuple(given)),
+    )
 
 
 @dataclass(frozen=True)
@@ -81,55 +110,81 @@ class Entry:
     stamp: see `Stamp`.
     text: rows as CSV.
     rests: number of rests; 0 for a file that could not be analyzed.
+    failures: number of its bodies that could not be analyzed.
     """
 
     stamp: Stamp
     text: str
     rests: int
+    failures: int = 0
+
+    def __add__(self, other: Entry) -> Entry:
+        """Rows of more bodies of this file."""
+        text, failures = self.text + other.text, self.failures + other.failures
+        return Entry(self.stamp, text, self.rests + other.rests, failures)
 
 
-def make_entry(file: str, stamp: Stamp, poses: RestPoses, seconds: float) -> Entry:
-    """Rows of a file's rests. seconds: time to read and analyze it."""
-    count = len(poses.probabilities)
+def make_entry(
+    file: str,
+    stamp: Stamp,
+    source: NamedBody,
+    body: Body,
+    poses: RestPoses,
+    options: RestOptions,
+    seconds: float,
+) -> Entry:
+    """Rows of a body of a file. seconds: time to read and analyze it."""
+    columns = facet_columns(poses, options.all_facets)
+    motions, count = columns["transform"], len(poses.facets)
+    mass = mass_values(source, body, poses, options.of_file(file)[1])
     # The common part of the rows becomes text once.
-    name = csv_line([file])[:-1]
+    start = csv_line([file, source.name])[:-1]
     end = csv_line(
         [
             count,
+            len(poses.hull.normals),
             *poses.center_of_mass.tolist(),
             poses.center_of_mass_source,
             len(poses.hull.vertices),
+            source.unit,
+            *("" if value is None else value for value in mass.values()),
             round(seconds, 6),
             " | ".join(poses.notes),
             "",
             *astuple(stamp),
         ]
     )
+    whole = zip(*(columns[name] for name in ("rest", "facet", "rolls_to")), strict=True)
+    real = np.column_stack(
+        [
+            columns["probability"],
+            columns["normal"],
+            columns["area"],
+            np.array(columns["margin_deg"], dtype=np.float64),
+            columns["depth"],
+            columns["height"],
+            motions[:, :3, 3],
+            quaternions(motions[:, :3, :3]),
+        ]
+    )
+    # Zeros are written without a sign, what is missing is empty.
     text = "".join(
-        # Zeros are written without a sign.
-        f"{name},{rest},{p!r},{x + 0.0!r},{y + 0.0!r},{z + 0.0!r},{area!r},"
-        f"{math.degrees(margin) + 0.0!r},{end}"
-        for rest, (p, (x, y, z), area, margin) in enumerate(
-            zip(
-                poses.probabilities.tolist(),
-                poses.normals.tolist(),
-                poses.areas.tolist(),
-                poses.margins.tolist(),
-                strict=True,
-            ),
-            start=1,
-        )
+        f"{start},{rest or ''},{facet},{rolls_to},"
+        f"{','.join('' if x != x else repr(x) for x in numbers)},{end}"
+        for (rest, facet, rolls_to), numbers in zip(whole, (real + 0.0).tolist(), strict=True)
     )
     return Entry(stamp, text, count)
 
 
-def broken_entry(file: str, stamp: Stamp, error: str, seconds: float = 0.0) -> Entry:
-    """Row of a file that could not be analyzed, with the reason in one line."""
+def broken_entry(
+    file: str, stamp: Stamp, error: str, seconds: float = 0.0, body: str = ""
+) -> Entry:
+    """Row of a body that could not be analyzed, with the reason in one line."""
     row: dict[str, object] = dict.fromkeys(COLUMNS, "")
-    row |= {"file": file, "rests": 0, "seconds": round(seconds, 6)}
+    row |= {"file": file, "body": body, "rests": 0, "seconds": round(seconds, 6)}
     row |= {"error": " ".join(error.split())}
     row |= zip(STAMPED, astuple(stamp), strict=True)
-    return Entry(stamp, csv_line(row.values()), 0)
+    return Entry(stamp, csv_line(row.values()), 0, 1)
 
 
 def csv_line(fields: Iterable[object]) -> str:
@@ -151,25 +206,23 @@ def entries_of(rows: Iterable[Sequence[str]]) -> dict[str, Entry]:
 
     Raises ValueError: a row has no stamp.
     """
-    of_name: dict[str, list[Sequence[str]]] = {}
+    of_file: dict[str, list[Sequence[str]]] = {}
     for row in rows:
-        of_name.setdefault(row[0], []).append(row)
-    entries: dict[str, Entry] = {}
-    broken = set()
-    for name, own in of_name.items():
-        last = dict(zip(COLUMNS, own[-1], strict=True))
-        size, modified, com, tolerance = (last[column] for column in STAMPED)
-        stamp, rests = Stamp(int(size), int(modified), com, tolerance), int(last["rests"])
-        file, text = _ITEM.sub(r"\1", name), "".join(map(csv_line, own))
-        before = entries.get(file, Entry(stamp, "", 0))
-        entries[file] = Entry(stamp, before.text + text, before.rests + rests)
-        if len(own) != max(rests, 1):
-            broken.add(file)
-    return {file: entry for file, entry in entries.items() if file not in broken}
-
-
-_ITEM = re.compile(r"(\.3mf)#\d+$", re.IGNORECASE)
-"""End of the name of a build item of a file."""
+        of_file.setdefault(row[0], []).append(row)
+    entries = {}
+    for file, own in of_file.items():
+        bodies: dict[str, list[dict[str, str]]] = {}
+        for row in own:
+            bodies.setdefault(row[1], []).append(dict(zip(COLUMNS, row, strict=True)))
+        last = [rows[-1] for rows in bodies.values()]
+        size, modified, *texts = (last[-1][name] for name in STAMPED)
+        stamp = Stamp(int(size), int(modified), *texts)
+        rests = [int(row["rests"]) for row in last]
+        name = "facets" if stamp.all_facets else "rests"
+        if all(len(bodies[row["body"]]) == max(int(row[name] or 0), 1) for row in last):
+            text = "".join(map(csv_line, own))
+            entries[file] = Entry(stamp, text, sum(rests), rests.count(0))
+    return entries
 
 
 @dataclass(frozen=True)
@@ -255,12 +308,35 @@ def _parquet_rows(data: bytes) -> Iterator[list[str]]:
         yield from map(list, zip(*columns, strict=True))
 
 
+def _json_bytes(text: str) -> bytes:
+    parse: dict[ColumnType, Callable[[str], Any]] = {"text": str, "whole": int, "real": float}
+    rows = [
+        {
+            name: parse[kind](value) if value or kind == "text" else None
+            for (name, kind), value in zip(COLUMNS.items(), row, strict=True)
+        }
+        for row in _csv_rows(text.encode())
+    ]
+    return json_text(rows).encode()
+
+
+def _json_rows(data: bytes) -> Iterator[list[str]]:
+    rows = json.loads(data)
+    if not isinstance(rows, list):
+        raise ValueError("it is no list of rows")
+    for row in rows:
+        if not isinstance(row, dict) or list(row) != list(COLUMNS):
+            raise ValueError("its columns are others")
+        yield ["" if value is None else str(value) for value in row.values()]
+
+
 _ARROW: dict[ColumnType, str] = {"text": "string", "whole": "int64", "real": "double"}
 """Arrow's names of types."""
 
 _FORMATS = {
     ".csv": TableFormat(str.encode, _csv_rows),
     ".parquet": TableFormat(_parquet_bytes, _parquet_rows),
+    ".json": TableFormat(_json_bytes, _json_rows),
 }
 """Formats by the ending of a path, in lower case."""
 
@@ -268,8 +344,8 @@ _FORMATS = {
 class RestTable:
     """Entries by file name, saved to a file at intervals and at the end of the context.
 
-    The file is CSV or Parquet by its ending. It is replaced as a whole, so that it always holds
-    complete entries, in the order of their names. A run resumes from the table itself.
+    The file is CSV, Parquet or JSON by its ending. It is replaced as a whole, so that it always
+    holds complete entries, in the order of their names. A run resumes from the table itself.
     """
 
     def __init__(self, path: Path, entries: Mapping[str, Entry]) -> None:

@@ -177,20 +177,26 @@ class RestArguments(WithBody, WithWorkers):
     file has a result for each body on its plate.
 
     Options:
-    meshes (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ..., or a folder of meshes
+    meshes (MESH): mesh (STL, OBJ, ...), robot (URDF, MJCF) or folder of meshes
+    density (D): in g/cm3, for the mass and inertia of bodies without a mass
+    masses (FILE.csv): columns file and x,y,z (center of mass) or density
+    all_facets: list unstable facets too, with the rest they roll to
     table (NAME|FILE.json): of a mesh: add probabilities for throws onto this table by the momentum
         model: board-game, hard-wood, paper, carpet or a table file; a throw distribution follows a
         colon, as in board-game:cup
     prior (PRIOR): of a mesh: distribution of the direction down at release (default: uniform):
         vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:DEGREES or samples:FILE.csv
     figure (FILE.png): draw the Morse-Smale complex
-    out (TABLE): of a folder: table to write or resume, .csv or .parquet (needs the extra 'parquet')
-    jobs (J): of a folder: parallel processes (default: one per core, or per cluster thread)
+    out (TABLE): table to write or resume, .csv, .json or .parquet (needs the extra 'parquet')
+    jobs (J): of a table: parallel processes (default: one per core, or per cluster thread)
 
     Example: dicedesign rest die.stl --table board-game"""
 
     meshes: tuple[Path, ...]
     _: KW_ONLY
+    density: float | None = None
+    masses: Path | None = None
+    all_facets: bool = False
     table: str | None = None
     prior: str | None = None
     figure: Path | None = None
@@ -228,6 +234,7 @@ class PoseArguments(WithRests, WithJson, WithWorkers):
     out (PATH): for one mesh: output file, whose ending gives the format (default: MESH_posed in
         this folder); otherwise: output folder (default: posed)
     pose (N): the N-th most probable pose (default: 1)
+    facet (N): stand on a facet of the hull, stable or not, numbered from 0 as in tables of rests
     random: draw the pose by its probability, and a random angle about the vertical
     seed (S): random seed of --random (default: 0)
     format (NAME): format of files in a folder: stl, obj, glb, ... (default: each mesh's own)
@@ -239,11 +246,12 @@ class PoseArguments(WithRests, WithJson, WithWorkers):
     _: KW_ONLY
     out: Path | None = None
     pose: int = 1
+    facet: int | None = None
     random: bool = False
     seed: int = 0
     format: str | None = None
     up: Literal["z", "y"] = "z"
-    one_of = ("pose", "random")
+    one_of = ("pose", "facet", "random")
 
 
 @dataclass

@@ -46,7 +46,7 @@ from dicedesign.tolerances import SAME_REST_ANGLE, SMALLEST_EXTENT
 if TYPE_CHECKING:
     from dicedesign.balance.balanced import Balanced
     from dicedesign.balance.goals import Goal
-    from dicedesign.scenes.posing import PoseJob
+    from dicedesign.scenes.posing import PoseJob, PoseResult
 
 
 def pose_meshes(options: PoseArguments) -> int:
@@ -57,6 +57,7 @@ def pose_meshes(options: PoseArguments) -> int:
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
     choice = PoseChoice(
         number=options.pose,
+        facet=options.facet,
         seed=options.seed if options.random else None,
         center_of_mass=center_of_mass(options.com),
         coplanar_tolerance=options.coplanar_tolerance,
@@ -98,7 +99,8 @@ def pose_meshes(options: PoseArguments) -> int:
             else {
                 "file": str(pose.job.source),
                 "out": str(pose.job.target),
-                "pose": pose.rest + 1,
+                "pose": None if pose.rest is None else pose.rest + 1,
+                "facet": pose.facet,
                 "poses": pose.rests,
                 "probability": pose.probability,
                 "transform": pose.transform,
@@ -109,7 +111,7 @@ def pose_meshes(options: PoseArguments) -> int:
     else:
         table = text_table(
             ("file", "", [printable(pose.job.name) for pose in posed]),
-            ("pose", ">", [f"{pose.rest + 1} of {pose.rests}" for pose in posed]),
+            ("pose", ">", [_pose_text(pose) for pose in posed]),
             ("probability", ">", percents([pose.probability for pose in posed], ".5f")),
             ("written to", "", [printable(pose.job.target) for pose in posed]),
         )
@@ -117,6 +119,12 @@ def pose_meshes(options: PoseArguments) -> int:
     if len(posed) < len(poses):
         print_notes(f"{len(poses) - len(posed)} files could not be posed")
     return 0 if posed else 1
+
+
+def _pose_text(pose: PoseResult) -> str:
+    if pose.rest is None:
+        return f"facet {pose.facet}, unstable"
+    return f"{pose.rest + 1} of {pose.rests}"
 
 
 def _list_jobs(options: PoseArguments) -> Iterator[PoseJob]:

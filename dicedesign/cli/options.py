@@ -21,9 +21,10 @@ from dicedesign.runtime.files import json_text
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
+    from numpy.typing import ArrayLike
     from tqdm import tqdm
 
-    from dicedesign.batch.batch import Center
+    from dicedesign.batch.rest_rows import Center
     from dicedesign.geometry.meshes.body import Body
     from dicedesign.rest.poses import RestPoses
     from dicedesign.runtime.arrays import Floats
@@ -171,7 +172,7 @@ def find_poses(
     coplanar_tolerance: float | None = None,
     parts: Iterable[str] = (),
     *,
-    center: Floats | None = None,
+    center: ArrayLike | None = None,
 ) -> tuple[Body, RestPoses]:
     """Add parts to a body and compute its rests; print their notes on stderr.
 

@@ -29,7 +29,6 @@ from dicedesign.geometry.triangles import (
     doubled_area_vectors,
     is_closed,
     second_moments,
-    solid_inertia,
 )
 from dicedesign.rest.outcomes import assign_rests
 from dicedesign.rest.poses import RestPoses, analyze
@@ -232,7 +231,7 @@ class PrintedCopies:
         """(k + 1,) probabilities of the outcomes of a copy, and elsewhere."""
         probabilities = poses.probabilities
         if self.mixture is not None:
-            inertia = solid_inertia(poses.hull.vertices, poses.hull.triangles)
+            inertia = poses.hull.surface.inertia
             probabilities = thrown_probabilities(poses, inertia, self.mixture)
         found = assign_rests(poses.normals, probabilities, self.directions, self.outcome_of)
         return np.array([*found.probabilities, found.elsewhere])

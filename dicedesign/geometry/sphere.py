@@ -75,6 +75,36 @@ def rigid_motion(turn: Floats, shift: Any) -> Floats:
     return np.vstack([np.column_stack([turn, shift]), [0.0, 0.0, 0.0, 1.0]])
 
 
+def turns_down(directions: Floats) -> Floats:
+    """Smallest rotations (..., 3, 3) that turn unit directions (..., 3) to -z; those of z are half
+    a turn about x."""
+    x, y, z = np.moveaxis(directions, -1, 0)
+    aside = np.sqrt(x * x + y * y)
+    upward = aside == 0.0
+    size = np.where(upward, 1.0, aside)
+    a, b, k = x / size, np.where(upward, 1.0, y / size), 1.0 + z
+    rows = [[1.0 - k * a * a, -k * a * b, x], [-k * a * b, 1.0 - k * b * b, y], [-x, -y, -z]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quaternions(turns: Floats) -> Floats:
+    """Unit quaternions (..., 4), in the order w, x, y, z with w >= 0, of rotations (..., 3, 3)."""
+    trace = np.trace(turns, axis1=-2, axis2=-1)
+    # Rows are multiples of the quaternion; that of its largest part loses no digits.
+    rows = np.empty((*trace.shape, 4, 4))
+    rows[..., 1:, 1:] = turns + np.swapaxes(turns, -1, -2)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        rows[..., 0, k + 1] = rows[..., k + 1, 0] = turns[..., j, i] - turns[..., i, j]
+        rows[..., k + 1, k + 1] += 1.0 - trace
+    rows[..., 0, 0] = 1.0 + trace
+    squares = rows.diagonal(axis1=-2, axis2=-1)
+    best = squares.argmax(-1)[..., None, None]
+    row = np.take_along_axis(rows, best, axis=-2)[..., 0, :]
+    row = np.where(row[..., :1] < 0.0, -row, row)
+    return row / np.linalg.norm(row, axis=-1, keepdims=True)
+
+
 def angle_between(a: Floats, b: Floats) -> Floats:
     """Angle in [0, pi] between vectors a and b (..., 3), exact for small and flat angles."""
     # By components: np.linalg.cross takes three times as long for few vectors.

@@ -112,19 +112,26 @@ def solid_properties(points: Floats, triangles: Integers) -> tuple[float, Floats
     return float(volume) * scale**3, reference + scale * centroid
 
 
-def solid_inertia(points: Floats, triangles: Integers) -> Floats:
-    """Tensor of inertia (3, 3) about the centroid of the uniform solid a closed surface bounds, for
-    a mass of 1: in squared length units.
+def join_inertia(masses: Floats, centers: Floats, inertias: Floats) -> tuple[Floats, Floats]:
+    """Center of mass (3,) of bodies that are fixed to each other, and their tensor of inertia
+    (3, 3) about it for a mass of 1.
 
-    points: (n, 3); triangles: (t, 3) as for `solid_properties`, of a volume that is not zero.
+    masses: (n,), of a sum above 0; centers: (n, 3); inertias: (n, 3, 3) of each body about its own
+    center for a mass of 1.
     """
-    _, centroid = solid_properties(points, triangles)
-    offsets = points - centroid
-    scale = float(np.abs(offsets).max())
-    moments, volume = second_moments(offsets / scale, triangles, np)
-    moments = moments * (scale**2 / volume)
-    inertia: Floats = np.trace(moments) * np.eye(3) - moments
-    return inertia
+    shares = masses / masses.sum()
+    center = shares @ centers
+    arms = centers - center
+    squares = (arms * arms).sum(-1)[:, None, None] * np.eye(3)
+    moved = inertias + squares - arms[:, :, None] * arms[:, None, :]
+    return center, np.tensordot(shares, moved, 1)
+
+
+def principal_axes(inertia: Floats) -> tuple[Floats, Floats]:
+    """Principal moments (3,), ascending, of a tensor of inertia (3, 3), and its principal axes
+    (3, 3) as columns, right-handed."""
+    moments, axes = np.linalg.eigh(inertia)
+    return moments, axes * np.array([1.0, 1.0, np.linalg.det(axes)]).round()
 
 
 def second_moments(offsets: Any, triangles: Integers, xp: ModuleType) -> tuple[Any, Any]:
@@ -225,6 +232,17 @@ class Surface:
     def centroid(self) -> Floats:
         """(3,) center of mass of the uniform solid."""
         return self._properties[1]
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """(3, 3) tensor of inertia of the uniform solid about its centroid for a mass of 1, in
+        squared length units; of a surface that may be oriented inward, but encloses a volume."""
+        offsets = self.points - self.centroid
+        scale = float(np.abs(offsets).max())
+        moments, volume = second_moments(offsets / scale, self.triangles, np)
+        moments = moments * (scale**2 / volume)
+        inertia: Floats = np.trace(moments) * np.eye(3) - moments
+        return inertia
 
     @cached_property
     def diagonal(self) -> float:

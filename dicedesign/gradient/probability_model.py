@@ -21,7 +21,6 @@ import torch
 from torch import Tensor
 
 from dicedesign.errors import InputError
-from dicedesign.geometry.triangles import solid_inertia
 from dicedesign.gradient.rest_probabilities import RestEvaluation, hull_inertia
 from dicedesign.kernels import ops as kernels
 from dicedesign.rest.basins import Basins
@@ -72,7 +71,7 @@ class ThrowProbabilities:
         hull, center = rests.hull, rests.equilibria.center_of_mass
         inertia = kernels.solid_inertia(hull)
         if inertia is kernels.UNDECIDED:
-            inertia = solid_inertia(hull.vertices, hull.triangles)
+            inertia = hull.surface.inertia
         return mixture_probabilities(hull, rests.paths, center, inertia, resting, self.mixture)
 
     def tensor(self, rests: RestEvaluation) -> Tensor:

@@ -77,7 +77,7 @@ def _centroid(vertices: Tensor, triangles: Integers) -> Tensor:
 
 def hull_inertia(vertices: Tensor, hull: ConvexHull) -> Tensor:
     """Tensor of inertia (3, 3) of the uniform solid hull about its centroid, over its mass, as a
-    function of the vertices (n, 3); see `dicedesign.geometry.triangles.solid_inertia`."""
+    function of the vertices (n, 3); see `dicedesign.geometry.triangles.Surface`."""
     centroid = _centroid(vertices, hull.triangles)
     moments, volume = second_moments(vertices - centroid, hull.triangles, torch)
     moments = moments / volume
@@ -257,10 +257,7 @@ class RestEvaluation:
         if depths is not kernels.UNDECIDED:
             return depths
         # In NumPy, as transforms of `torch.func` hide the numbers of tensors.
-        edges, radii = hull.vertices[hull.head] - hull.vertices[hull.tail], hull.vertices - center
-        across = np.linalg.cross(edges, hull.normals[hull.facet])
-        distances = (radii[hull.tail] * across).sum(-1) / norms(edges)
-        return np.minimum.reduceat(distances, hull.facet_start[:-1]) / norms(radii).max()
+        return hull.foot_depths(center) / norms(hull.vertices - center).max()
 
     @property
     def facets(self) -> Integers:

@@ -13,14 +13,20 @@ from numpy.typing import ArrayLike
 
 from dicedesign.errors import MOST_COUNT, DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, hull_precision
-from dicedesign.geometry.meshes.body import Body, body_of, resolve_center_of_mass
-from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
+from dicedesign.geometry.meshes.body import (
+    Body,
+    MassProperties,
+    body_of,
+    resolve_center_of_mass,
+    solid_triangles,
+)
+from dicedesign.geometry.sphere import angle_between, turns_down, unit_vectors
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.basins import Basins, find_basins, merged_rests
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import CLOSURE_TOLERANCE, NOTED_ROUNDING
+from dicedesign.tolerances import CLOSURE_TOLERANCE, NOTED_ROUNDING, VOLUME_TOLERANCE
 
 if TYPE_CHECKING:
     from dicedesign.rest.prior import Prior
@@ -259,13 +265,12 @@ class RestPoses:
     def transforms(self) -> Floats:
         """(k, 4, 4) rigid motions that stand the body on the plane z = 0 with the center of mass on
         the z axis."""
-        heights = self.hull.heights(self.center_of_mass)[self.facets]
-        return np.stack(
-            [
-                standing_transform(normal, height, self.center_of_mass)
-                for normal, height in zip(self.normals, heights, strict=True)
-            ]
-        )
+        return self.stand_on(self.facets)
+
+    def stand_on(self, facets: Integers) -> Floats:
+        """(n, 4, 4) `transforms` onto any facets (n,) of the hull, stable or not."""
+        heights = self.hull.heights(self.center_of_mass)[facets]
+        return standing_transforms(self.hull.normals[facets], heights, self.center_of_mass)
 
     def sample(self, n: int, rng: Seed = None) -> SampledPoses:
         """Draw n poses by their probabilities, with random headings.
@@ -289,13 +294,36 @@ class RestPoses:
         return SampledPoses(turns @ self.transforms[rests], rests)
 
 
-def standing_transform(normal: Floats, height: float, center_of_mass: Floats) -> Floats:
-    """Rigid motion (4, 4) that turns `normal` down by the smallest rotation and puts the center of
-    mass on the z axis at `height`."""
-    transform = np.eye(4)
-    transform[:3, :3] = rotation_between(normal, np.array([0.0, 0.0, -1.0]))
-    transform[:3, 3] = np.array([0.0, 0.0, height]) - transform[:3, :3] @ center_of_mass
-    return transform
+def standing_transforms(normals: Floats, heights: Floats | float, center_of_mass: Floats) -> Floats:
+    """Rigid motions (..., 4, 4) that turn unit `normals` (..., 3) down by the smallest rotation and
+    put the center of mass on the z axis at `heights` (...)."""
+    transforms = np.zeros((*normals.shape[:-1], 4, 4))
+    transforms[..., :3, :3] = turns_down(normals)
+    transforms[..., :3, 3] = -transforms[..., :3, :3] @ center_of_mass
+    transforms[..., 2, 3] += heights
+    transforms[..., 3, 3] = 1.0
+    return transforms
+
+
+def mass_properties(body: Body, poses: RestPoses) -> MassProperties:
+    """Mass properties of a body: its own, or those of density 1 of its uniform solid about its own
+    centroid; of the uniform hull if it bounds no solid or has the hull's center of mass.
+
+    poses: its rests. Raises DegenerateBodyError if the mesh is closed and encloses no volume.
+    """
+    is_hull = poses.center_of_mass_source == "uniform solid hull"
+    if body.mass_properties is not None and not is_hull:
+        return body.mass_properties
+    closed = None if is_hull else solid_triangles(body)
+    surface = poses.hull.surface if closed is None else Surface(body.points, closed[0])
+    volume, extent = surface.volume, float(np.ptp(surface.points, axis=0).max())
+    if abs(volume) <= VOLUME_TOLERANCE * extent**3:
+        raise DegenerateBodyError(
+            f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
+            f"extent of {extent:.3g}; repair the mesh"
+        )
+    volume = abs(volume)
+    return MassProperties(volume, surface.centroid, surface.inertia, "uniform solid", volume)
 
 
 def rest_poses(

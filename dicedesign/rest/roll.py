@@ -15,7 +15,7 @@ from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between, rotation_between
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.equilibria import Equilibria
-from dicedesign.rest.poses import rest_poses, standing_transform
+from dicedesign.rest.poses import rest_poses, standing_transforms
 from dicedesign.rest.tracing import crossing, exit_half_edges, hinge_facets
 from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import ROUNDING
@@ -125,7 +125,7 @@ def roll_steps(
         moments.append(moment)
     first = moments[0]
     height = float(equilibria.radii[first.touching[0]] @ first.down)
-    transform = standing_transform(first.down, height, equilibria.center_of_mass)
+    transform = standing_transforms(first.down, height, equilibria.center_of_mass)
     steps = [_step(equilibria, first.down, first.touching, transform)]
     for before, after in pairwise(moments):
         angle = float(angle_between(before.down, after.down))

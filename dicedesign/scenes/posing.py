@@ -125,12 +125,14 @@ class PoseChoice:
     Attributes
     ----------
     number: rank of the rest; 1 is the most probable.
+    facet: number of a facet of the hull, which counts before `number`.
     seed: draws the rest by its probability, and the heading at random; None takes `number`.
     center_of_mass, coplanar_tolerance: as in `rest_poses`; item: as in `read_body`.
     y_up: bodies stand on y = 0 instead of z = 0.
     """
 
     number: int = 1
+    facet: int | None = None
     seed: int | None = None
     center_of_mass: tuple[float, float, float] | Literal["hull"] | None = None
     coplanar_tolerance: float | None = None
@@ -138,24 +140,31 @@ class PoseChoice:
     y_up: bool = False
 
     def choose(self, poses: RestPoses, name: str) -> tuple[int, Floats]:
-        """Return a rest, counted from 0, and its transform (4, 4).
+        """Return a facet of the hull and its transform (4, 4).
 
         name: name of the body. The seed and the name determine the draw, so that it does not depend
-        on the other bodies. Raises InputError: no rest has that number.
+        on the other bodies. Raises InputError: no rest or facet has that number.
         """
-        rests = len(poses.probabilities)
+        rests, facets = len(poses.probabilities), len(poses.hull.normals)
         if self.seed is not None:
             seeds = [self.seed, zlib.crc32(name.encode("utf-8", "surrogateescape"))]
             transforms, sampled_rests = poses.sample(1, np.random.default_rng(seeds))
-            rest, transform = int(sampled_rests[0]), transforms[0]
+            facet, transform = poses.facets[sampled_rests[0]], transforms[0]
+        elif self.facet is not None:
+            if not 0 <= self.facet < facets:
+                raise InputError(
+                    f"{name}: expected a hull with a facet {self.facet}, got one of {facets}; "
+                    f"choose a --facet from 0 to {facets - 1}"
+                )
+            facet, transform = self.facet, poses.stand_on(np.array([self.facet]))[0]
         elif self.number <= rests:
-            rest, transform = self.number - 1, poses.transforms[self.number - 1]
+            facet, transform = poses.facets[self.number - 1], poses.transforms[self.number - 1]
         else:
             raise InputError(
                 f"{name}: expected a body of at least {self.number} poses, got one of {rests}; "
                 f"choose a --pose from 1 to {rests}"
             )
-        return rest, Y_UP @ transform if self.y_up else transform
+        return int(facet), Y_UP @ transform if self.y_up else transform
 
 
 @dataclass(frozen=True)
@@ -174,7 +183,8 @@ class PoseResult:
     Attributes
     ----------
     job: the job.
-    rest: rest that the body stands on, counted from 0; rests: number of rests.
+    facet: facet of the hull that the body stands on.
+    rest: rest that it is, counted from 0, or None if it is unstable; rests: number of rests.
     probability: probability of that rest.
     transform: (4, 4) from the mesh to the written file, as tuples.
     notes: remarks about the body, one sentence each.
@@ -182,7 +192,8 @@ class PoseResult:
     """
 
     job: PoseJob
-    rest: int = -1
+    facet: int = -1
+    rest: int | None = None
     rests: int = 0
     probability: float = 0.0
     transform: tuple[tuple[float, ...], ...] = ()
@@ -197,14 +208,16 @@ def write_pose(job: PoseJob, choice: PoseChoice) -> PoseResult:
     """
     body = read_body(job.source, choice.item)
     poses = rest_poses(body, choice.center_of_mass, coplanar_tolerance=choice.coplanar_tolerance)
-    rest, transform = choice.choose(poses, job.name)
+    facet, transform = choice.choose(poses, job.name)
+    rest = next(iter(np.flatnonzero(poses.facets == facet).tolist()), None)
     data = pose_bytes(job.source, body, transform, job.target.suffix)
     atomic_write(job.target, data)
     return PoseResult(
         job,
+        facet,
         rest,
         len(poses.probabilities),
-        float(poses.probabilities[rest]),
+        0.0 if rest is None else float(poses.probabilities[rest]),
         tuple(map(tuple, transform.tolist())),
         poses.notes,
     )

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dicedesign.errors import DegenerateBodyError
-from dicedesign.geometry.meshes.body import Body, body_of, solid_triangles
-from dicedesign.geometry.triangles import Surface, solid_inertia, solid_properties
-from dicedesign.rest.poses import RestPoses, rest_poses
+from dicedesign.geometry.meshes.body import Body, body_of
+from dicedesign.geometry.triangles import Surface, principal_axes
+from dicedesign.rest.poses import RestPoses, mass_properties, rest_poses
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.tables import Table, draw
-from dicedesign.tolerances import VOLUME_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -97,9 +95,9 @@ def rigid_body(
     hull = morse.equilibria.hull
     arms = hull.vertices - center
     radius = float(np.linalg.norm(arms, axis=1).max())
-    moments, axes = np.linalg.eigh(_solid_inertia(body, poses) if inertia is None else inertia)
-    if np.linalg.det(axes) < 0.0:
-        axes = axes * np.array([1.0, 1.0, -1.0])
+    if inertia is None:
+        inertia = mass_properties(body, poses).inertia
+    moments, axes = principal_axes(inertia)
     vertices = np.ascontiguousarray(arms @ axes / radius)
     start, order = hull.outgoing
     barriers = np.full(len(poses.facets), np.inf)
@@ -110,7 +108,7 @@ def rigid_body(
     rest_heights = (rest_normals @ vertices.T).max(axis=1)
     turned = rest_normals * moments / radius**2
     products = turned - (turned * rest_normals).sum(axis=1)[:, None] * rest_normals
-    distances = _edge_distances(poses)[poses.facets] / radius
+    distances = poses.hull.foot_depths(center)[poses.facets] / radius
     return RigidBody(
         name=body.name,
         radius=radius,
@@ -128,35 +126,6 @@ def rigid_body(
         barriers=barriers,
         flat=np.column_stack([rest_heights, distances, np.linalg.norm(products, axis=1)]),
     )
-
-
-def _edge_distances(poses: RestPoses) -> Floats:
-    """(m,) least distance of an edge of each facet of a body's hull from the foot of the center of
-    mass in it; negative if the foot is outside."""
-    hull = poses.hull
-    arms = hull.vertices - poses.center_of_mass
-    outward = np.cross(arms[hull.head] - arms[hull.tail], hull.normals[hull.facet])
-    outward /= np.linalg.norm(outward, axis=1)[:, None]
-    distances = np.full(len(hull.normals), np.inf)
-    np.minimum.at(distances, hull.facet, (outward * arms[hull.tail]).sum(axis=1))
-    return distances
-
-
-def _solid_inertia(body: Body, poses: RestPoses) -> Floats:
-    is_solid_hull = poses.center_of_mass_source == "uniform solid hull"
-    if body.mass_properties is not None and not is_solid_hull:
-        return body.mass_properties.inertia
-    solid = None if is_solid_hull else solid_triangles(body)
-    if solid is None:
-        return solid_inertia(poses.hull.vertices, poses.hull.triangles)
-    volume, _ = solid_properties(body.points, solid[0])
-    extent = float(np.ptp(body.points, axis=0).max())
-    if abs(volume) <= VOLUME_TOLERANCE * extent**3:
-        raise DegenerateBodyError(
-            f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
-            f"extent of {extent:.3g}; repair the mesh"
-        )
-    return solid_inertia(body.points, solid[0])
 
 
 UPSIDE_DOWN = 1e-12

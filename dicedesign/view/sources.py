@@ -11,7 +11,8 @@ import numpy as np
 from dicedesign.batch.batch import list_folder
 from dicedesign.errors import printable
 from dicedesign.geometry.meshes.body import body_of
-from dicedesign.geometry.meshes.reading import THREE_MF, read_bodies, read_body
+from dicedesign.geometry.meshes.reading import THREE_MF, read_body
+from dicedesign.geometry.robots.bodies import list_bodies
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Callbacks
 from dicedesign.recipe.reading import read_recipe
@@ -58,8 +59,8 @@ def open_source(path: Path) -> Source:
         recipe = read_recipe(path)
         return Source((recipe.name,), lambda _, on_progress: _design(recipe, on_progress))
     if path.suffix.lower() == THREE_MF:
-        bodies = {body.name.removeprefix(f"{path.parent}/"): body for body in read_bodies(path)}
-        return Source(tuple(bodies), lambda name, _: ViewedBody.of(bodies[name], name=name))
+        bodies = {f"{path.name} {body.name}".rstrip(): body.read for body in list_bodies(path)}
+        return Source(tuple(bodies), lambda name, _: ViewedBody.of(bodies[name](), name=name))
     return Source((path.name,), lambda name, on_progress: _load_mesh(path, name, on_progress))
 
 

@@ -21,6 +21,7 @@ from common.processes import FILES, heed_interrupts, kill_at_write, shorten, sta
 
 from dicedesign.batch import batch
 from dicedesign.batch.batch import analyze_files, run_batch
+from dicedesign.batch.rest_rows import RestOptions
 from dicedesign.batch.rest_table import Entry, RestTable, Stamp, broken_entry
 from dicedesign.cli.main import main
 from dicedesign.runtime import workers
@@ -210,7 +211,7 @@ def test_only_the_file_that_kills_workers_fails(monkeypatch: pytest.MonkeyPatch)
     stamps = {f"{i}.stl": Stamp(100, 1) for i in range(6)}
     entries: dict[str, Entry] = {}
     lossy = Lossy(lambda count, folder, files, *_: "4.stl" in files)
-    run_batch("there", stamps, lossy, 2, on_entries=entries.update)
+    run_batch("there", stamps, lossy, 2, RestOptions(), on_entries=entries.update)
     reason = (
         "4.stl: expected workers that stay, but all 3 that analyzed it were lost; see whether "
         "memory suffices"
@@ -224,8 +225,9 @@ def test_workers_load_nothing_heavy(meshes: Path) -> None:
     for file, more in (("a.stl", {"trimesh"}), ("b/hull.PLY", set())):
         script = (
             "import json, sys; from dicedesign.batch.batch import analyze_files;"
+            "from dicedesign.batch.rest_rows import RestOptions;"
             "from dicedesign.batch.rest_table import Stamp;"
-            f"entries = analyze_files({str(meshes)!r}, {{{file!r}: Stamp(1, 1)}});"
+            f"entries = analyze_files({str(meshes)!r}, {{{file!r}: Stamp(1, 1)}}, RestOptions());"
             f"assert entries[{file!r}].rests > 0;"
             "print(json.dumps([name for name, module in sys.modules.items() if module]))"
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import sys
 import time
@@ -12,9 +13,13 @@ from typing import Any
 import numpy as np
 import pyarrow
 import pytest
+import trimesh
 from pyarrow import parquet
+from reference.roller import come_to_rest
+from scipy.spatial.transform import Rotation
 
 from dicedesign.batch.batch import analyze_files, list_folder
+from dicedesign.batch.rest_rows import GivenMass, RestOptions
 from dicedesign.batch.rest_table import (
     COLUMNS,
     STAMPED,
@@ -22,11 +27,12 @@ from dicedesign.batch.rest_table import (
     RestTable,
     Stamp,
     broken_entry,
+    make_stamp,
     table_format,
 )
 from dicedesign.errors import InputError, OutputError
-from dicedesign.geometry.meshes import reading
 from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.robots import bodies
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.checkpoint import INTERVAL
 
@@ -37,13 +43,15 @@ TYPES: dict[str, Any] = {"text": str, "whole": int, "real": float}
 
 def analyze(folder: Path) -> dict[str, Entry]:
     stamps = {file: Stamp(*state) for file, state in list_folder(folder).meshes.items()}
-    return analyze_files(str(folder), stamps)
+    return analyze_files(str(folder), stamps, RestOptions())
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:
-    """Rows of either format, with None for missing numbers."""
+    """Rows of any format, with None for missing numbers."""
     if path.suffix == ".parquet":
         return parquet.read_table(path).to_pylist()
+    if path.suffix == ".json":
+        return json.loads(path.read_text())
     with path.open(newline="") as file:
         return [
             {
@@ -64,11 +72,11 @@ def test_which_files_are_meshes(meshes: Path) -> None:
 
 def test_rows_are_the_rests_of_each_file(meshes: Path, tmp_path: Path) -> None:
     entries = analyze(meshes)
-    for name in ("t.csv", "t.parquet"):
+    for name in ("t.csv", "t.parquet", "t.json"):
         RestTable(tmp_path / name, entries)
         assert RestTable.read(tmp_path / name) == entries
     rows = rows_of(tmp_path / "t.csv")
-    assert rows == rows_of(tmp_path / "t.parquet")
+    assert rows == rows_of(tmp_path / "t.parquet") == rows_of(tmp_path / "t.json")
     assert list(rows[0]) == list(COLUMNS)
     assert list(dict.fromkeys(row["file"] for row in rows)) == FILES
     for file in FILES:
@@ -102,7 +110,7 @@ def test_rows_are_the_rests_of_each_file(meshes: Path, tmp_path: Path) -> None:
 
 
 def test_center_and_tolerance_are_used(meshes: Path) -> None:
-    entries = analyze_files(str(meshes), {"a.stl": Stamp(1, 1)}, (0.1, 0.2, 0.3), 1e-3)
+    entries = analyze_files(str(meshes), {"a.stl": Stamp(1, 1)}, RestOptions((0.1, 0.2, 0.3), 1e-3))
     (values, *_) = csv.reader(entries["a.stl"].text.splitlines())
     row = dict(zip(COLUMNS, values, strict=True))
     expected = rest_poses(read_body(meshes / "a.stl"), (0.1, 0.2, 0.3), coplanar_tolerance=1e-3)
@@ -110,7 +118,66 @@ def test_center_and_tolerance_are_used(meshes: Path) -> None:
     assert row["center_of_mass_source"] == "given"
 
 
-@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def one_table(folder: Path, options: RestOptions, files: list[str]) -> list[dict[str, Any]]:
+    stamps = {file: make_stamp(file, (1, 1), options) for file in files}
+    RestTable(folder / "one.json", analyze_files(str(folder), stamps, options))
+    assert len(RestTable.read(folder / "one.json")) == len(files)
+    return rows_of(folder / "one.json")
+
+
+def test_transforms_and_all_facets(meshes: Path) -> None:
+    """The motion stands the body on the facet; unstable ones lead to a rest."""
+    rows = one_table(meshes, RestOptions(all_facets=True), FILES)
+    for file in FILES:
+        poses, own = rest_poses(read_body(meshes / file)), [r for r in rows if r["file"] == file]
+        assert [row["facet"] for row in own[: len(poses.facets)]] == poses.facets.tolist()
+        assert sorted(row["facet"] for row in own) == list(range(len(poses.hull.normals)))
+        for row in own:
+            turn = Rotation.from_quat([row[f"q{x}"] for x in "xyzw"])
+            shift = [row[x] for x in "xyz"]
+            polygon = turn.apply(poses.hull.polygon(row["facet"])) + shift
+            np.testing.assert_allclose(polygon[:, 2], 0.0, atol=1e-9)
+            assert (turn.apply(poses.hull.vertices) + shift)[:, 2].min() > -1e-9
+            center = turn.apply(poses.center_of_mass) + shift
+            np.testing.assert_allclose(center, [0.0, 0.0, row["height"]], atol=1e-12)
+            # The foot is at the origin.
+            corners, ends = polygon[:, :2], np.roll(polygon[:, :2], -1, axis=0)
+            edges = ends - corners
+            sides = (edges[:, 0] * corners[:, 1] - edges[:, 1] * corners[:, 0]) / np.hypot(*edges.T)
+            assert row["depth"] == pytest.approx(sides.min(), abs=1e-9)
+            assert (row["depth"] > 0.0) == (row["rest"] is not None)
+            assert (row["probability"] > 0.0) == (row["rest"] is not None)
+            down = np.array([row[f"normal_{x}"] for x in "xyz"])
+            last = come_to_rest(poses.hull.vertices - poses.center_of_mass, down)
+            rest = own[row["rolls_to"] - 1]
+            np.testing.assert_allclose(last, [rest[f"normal_{x}"] for x in "xyz"], atol=1e-6)
+    assert any(row["rest"] is None for row in rows)
+
+
+def test_volume_mass_and_inertia(meshes: Path) -> None:
+    """Against the formulas of a box and trimesh; a file's own center and density count first."""
+    masses = {"b/box.obj": GivenMass((0.1, 0.2, 0.3), 7.8), "c.off": GivenMass(None, 2.0)}
+    options = RestOptions("hull", density=1.25, masses=masses)
+    firsts = {row["file"]: row for row in one_table(meshes, options, FILES)}
+    row = firsts["b/box.obj"]
+    assert [row[f"center_of_mass_{x}"] for x in "xyz"] == [0.1, 0.2, 0.3]
+    squares, mass = np.array([3.0, 4.0, 4.5]) ** 2, 7.8e-3 * 54.0
+    assert (row["volume_mm3"], row["mass_g"]) == (pytest.approx(54.0), pytest.approx(mass))
+    inertia = sorted(mass * (squares.sum() - squares) / 12.0)
+    np.testing.assert_allclose([row[f"inertia_{k}_g_mm2"] for k in (1, 2, 3)], inertia)
+    assert firsts["c.off"]["mass_g"] == pytest.approx(2e-3)
+    row, mesh = firsts["b/hull.PLY"], trimesh.load(meshes / "b" / "hull.PLY")
+    mesh.density = 1.25e-3
+    assert row["mass_g"] == pytest.approx(mesh.mass)
+    axes = Rotation.from_quat([row[f"inertia_q{x}"] for x in "xyzw"]).as_matrix()
+    tensor = (axes * [row[f"inertia_{k}_g_mm2"] for k in (1, 2, 3)]) @ axes.T
+    np.testing.assert_allclose(tensor, mesh.moment_inertia, rtol=1e-5, atol=1e-9)
+    (row, *_) = one_table(meshes, RestOptions(), ["a.stl"])
+    assert row["volume_mm3"] == pytest.approx(6.0)
+    assert (row["mass_g"], row["inertia_1_g_mm2"], row["unit"]) == (None, None, "mm")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "json"])
 def test_broken_files_and_odd_names_have_rows(
     meshes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:
@@ -126,7 +193,7 @@ def test_broken_files_and_odd_names_have_rows(
         (meshes / name).write_bytes(content)
     (meshes / "far.stl").symlink_to(meshes / "gone.stl")
     monkeypatch.setattr(
-        reading, "read_body", lambda path: 1 // 0 if path.name == "ours.obj" else read_body(path)
+        bodies, "read_body", lambda path: 1 // 0 if path.name == "ours.obj" else read_body(path)
     )
     entries = analyze(meshes)
     path = tmp_path / f"t.{ending}"
@@ -159,7 +226,7 @@ def test_files_with_missing_rows_are_skipped(meshes: Path, tmp_path: Path) -> No
     path = tmp_path / "t.csv"
     RestTable(path, analyze(meshes))
     lines = path.read_text().splitlines(keepends=True)
-    path.write_text("".join(line for line in lines if not line.startswith("c.off,2,")))
+    path.write_text("".join(line for line in lines if not line.startswith("c.off,,2,")))
     assert sorted(RestTable.read(path)) == [file for file in FILES if file != "c.off"]
     assert RestTable.read(tmp_path / "missing.csv") == {}
 
@@ -174,6 +241,8 @@ HEADER = ",".join(COLUMNS).encode() + b"\n"
         ("t.csv", b"file,error\na.stl,\n", "its columns are others"),
         ("t.csv", HEADER + b"a.stl,1\n", f"line 2 has 2 columns of {len(COLUMNS)}"),
         ("t.csv", HEADER + b"x," * (len(COLUMNS) - 1) + b"x\n", "invalid literal"),
+        ("t.json", b"[{}]", "its columns are others"),
+        ("t.json", b"{}", "it is no list of rows"),
         ("t.parquet", b"something else\n", "it is no Parquet file that can be read"),
         ("t.parquet", None, "its columns are others"),
     ],

@@ -47,6 +47,45 @@ def test_rests_as_json_and_as_a_table(box: Path, capsys: pytest.CaptureFixture[s
     assert len([line for line in out.splitlines() if " deg" in line]) == 6
 
 
+def test_links_mass_and_all_facets(
+    box: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A robot's links, one of them bad, beside a mesh with its own center and density."""
+    robot, masses = tmp_path / "robot.urdf", tmp_path / "masses.csv"
+    shape = "<collision><geometry><box size='{}'/></geometry></collision>"
+    mass = "<inertial><origin xyz='0 0 {}'/><mass value='2'/></inertial>"
+    links = (mass.format(-0.25) + shape.format("1 1 1"), mass.format(9) + shape.format("1 1 1"))
+    text = "".join(
+        f"<link name='{name}'>{link}</link>" for name, link in zip("ab", links, strict=True)
+    )
+    robot.write_text(f"<robot>{text}</robot>")
+    masses.write_text(f"file,x,y,z,density\n{box},0,0,0.1,2\n{robot},,,,1\n")
+    arguments = ["rest", str(robot), str(box), "--masses", str(masses), "--all-facets"]
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out.count("resting poses") == 2
+    assert "rolls to rest" in captured.out
+    assert captured.err.count("note: ") == 1
+    assert main([*arguments, "--json"]) == 2
+    first, second, third = json.loads(capsys.readouterr().out)
+    assert (first["body"], first["unit"], first["volume_mm3"]) == ("a", "m", pytest.approx(1e9))
+    assert first["mass_g"] == 2000.0
+    assert first["inertia_1_g_mm2"] == pytest.approx(2000.0 * 1e6 / 6.0)
+    assert first["center_of_mass"] == [0.0, 0.0, -0.25]
+    assert [facet["depth"] for facet in first["facets"]] == pytest.approx([0.5, *[0.25] * 4, 0.5])
+    assert "outside" in second["error"]
+    assert third["center_of_mass"] == [0.0, 0.0, 0.1]
+    assert (third["mass_g"], third["unit"]) == (pytest.approx(0.012), "mm")
+    # The same as a table.
+    table = tmp_path / "table.json"
+    assert main([*arguments, "--out", str(table)]) == 2
+    rows = json.loads(table.read_text())
+    assert [row["file"] for row in rows] == [str(box)] * 6 + [str(robot)] * 7
+    assert [row["body"] for row in rows] == [""] * 6 + ["a"] * 6 + ["b"]
+    assert [row["mass_g"] for row in rows[5:7]] == [third["mass_g"], first["mass_g"]]
+    assert second["error"] == f"{robot}: link b: {rows[-1]['error']}"
+
+
 def test_a_bad_mesh_among_several(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     meshes = [str(box.with_name("none.stl")), str(box), str(box.parent), str(box)]
     assert main(["rest", *meshes]) == 2

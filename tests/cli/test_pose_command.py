@@ -58,6 +58,24 @@ def test_the_file_holds_the_mesh_in_that_pose(
     np.testing.assert_allclose(moved.max(axis=0), posed.bounds[1], atol=1e-5)
 
 
+def test_a_mesh_can_stand_on_any_facet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], egg: Path
+) -> None:
+    """The area of the facet is on the plane, and the center of mass above the origin."""
+    poses, out = rest_poses(read_body(egg)), tmp_path / "out.stl"
+    for facet in range(len(poses.hull.normals)):
+        assert main(["pose", str(egg), "--facet", str(facet), "--out", str(out), "--json"]) == 0
+        (one,) = posed_files(capsys)
+        rests = np.flatnonzero(poses.facets == facet).tolist()
+        assert one["facet"] == facet
+        assert one["pose"] == (rests[0] + 1 if rests else None)
+        assert (one["probability"] == 0.0) == (not rests)
+        posed = trimesh.load(out)
+        np.testing.assert_allclose(posed.center_mass[:2], 0.0, atol=1e-5)
+        flat = np.abs(posed.triangles[:, :, 2]).max(axis=1) < 1e-5
+        assert posed.area_faces[flat].sum() == pytest.approx(poses.hull.areas[facet], rel=1e-4)
+
+
 def test_a_glb_keeps_its_material_and_a_ply_its_colors(tmp_path: Path, egg: Path) -> None:
     out = tmp_path / "out.glb"
     assert main(["pose", str(egg), "--out", str(out)]) == 0

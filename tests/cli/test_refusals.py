@@ -22,6 +22,10 @@ CONCAVE = "name: c\ntarget: {fair: 6}\nstart: {mesh: {path: dented.obj}}\nmethod
 
 PAPER = "name: few\ntarget: {binomial: 2}\nstart: {prism: {}}\nmethod: {paper: {steps: 30}}\n"
 
+LINK = "<robot><link name='a'><visual><geometry>{}</geometry></visual></link></robot>"
+
+MJCF = "<mujoco><worldbody><body name='a'><geom {}/></body></worldbody></mujoco>"
+
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
 
 FILES = {
@@ -45,6 +49,25 @@ FILES = {
     "refined.yaml": RECIPE + "method: {exact: {probabilities: thrown, refine: {}}}\n",
     "lost.yaml": RECIPE.replace("repulsion: {}", "mesh: {path: gone.stl}"),
     "counts.csv": "label,count\n1,3\n",
+    "entity.urdf": '<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>',
+    "svg.xml": "<svg/>",
+    "bare.urdf": '<robot><link name="a"/></robot>',
+    "gone.urdf": LINK.format("<mesh filename='gone.stl'/>"),
+    "cone.urdf": LINK.format("<cone/>"),
+    "flat.urdf": LINK.format("<box size='1 0 1'/>"),
+    "short.urdf": LINK.format("<box size='1 1'/>"),
+    "loop.xml": '<mujoco><include file="loop.xml"/></mujoco>',
+    "class.xml": MJCF.format("class='none'"),
+    "asset.xml": MJCF.format("type='mesh' mesh='none'"),
+    "turn.xml": MJCF.format("size='1' quat='0 0 0 0'"),
+    "axis.xml": MJCF.format("size='1' axisangle='0 0 0 1'"),
+    "copies.xml": MJCF.format("/><replicate count='2'"),
+    "light.xml": MJCF.format("size='1' mass='-1'"),
+    "unknown.csv": "file,density\nothers.stl,1\n",
+    "twice.csv": "file,density\nbox.stl,1\nbox.stl,1\n",
+    "part.csv": "file,x,y,z\nbox.stl,1,,2\n",
+    "minus.csv": "file,density\nbox.stl,-1\n",
+    "names_of.csv": "name,density\nbox.stl,1\n",
     "other.csv": "label,count\n7,3\n",
     "rubbish/bad.stl": "rubbish",
     "half/result.json": "{",
@@ -56,6 +79,30 @@ FILES = {
 }
 
 COMMANDS = {
+    "rest entity.urdf": "entity.urdf: expected XML without document type and entities",
+    "rest svg.xml": "svg.xml: expected robot (URDF) or mujoco (MJCF) as root element, got 'svg'",
+    "rest plain.urdf": "plain.urdf: no such file",
+    "rest bare.urdf": "bare.urdf: expected a link with shapes",
+    "rest gone.urdf": "gone.urdf: link a: gone.stl: no such file",
+    "rest cone.urdf": "cone.urdf: link a: geometry: expected mesh, box, cylinder",
+    "rest flat.urdf": "link a: box: expected sizes above 0",
+    "rest short.urdf": "link a: size: expected 3 numbers, got '1 1'",
+    "rest loop.xml": "loop.xml: include: expected at most 100",
+    "rest class.xml": "class.xml: class: expected a default class, got 'none'",
+    "rest asset.xml": "asset.xml: link a: mesh: expected an asset, got 'none'",
+    "rest turn.xml": "turn.xml: link a: orientation: expected a rotation",
+    "rest axis.xml": "axis.xml: link a: orientation: expected a rotation",
+    "rest copies.xml": "copies.xml: replicate: expected bodies written out",
+    "rest light.xml": "light.xml: link a: ",
+    "rest box.stl --density 0": "--density: expected g/cm3 above 0",
+    "rest box.stl --masses unknown.csv": "unknown.csv: expected files that are analyzed",
+    "rest box.stl --masses twice.csv": "twice.csv: expected columns file and x,y,z or density",
+    "rest box.stl --masses part.csv": "part.csv: expected columns file and x,y,z or density",
+    "rest box.stl --masses minus.csv": "minus.csv: expected columns file and x,y,z or density",
+    "rest box.stl --masses names_of.csv": "names_of.csv: expected columns file and x,y,z or",
+    "rest box.stl --out a.csv --figure a.png": "--figure: expected one mesh, got --out a.csv",
+    "pose box.stl --facet 6 --out out.stl": "choose a --facet from 0 to 5",
+    "pose box.stl --facet -1 --out out.stl": "choose a --facet from 0 to 5",
     "balance sheet.stl --equal 2 --out new": "sheet.stl",
     "rest missing.obj": "missing.obj: no such file",
     "rest empty.obj": "empty.obj",
@@ -68,10 +115,10 @@ COMMANDS = {
     "rest box.stl --com 0.5,0,0": "on the boundary",
     "rest box.stl --com 1,2": "--com: expected 3 numbers",
     "rest box.stl --figure no/such/folder.png": "folder",
-    "rest box.stl --coplanar-tolerance -1": "coplanar tolerance: expected",
+    "rest box.stl --coplanar-tolerance -1": "--coplanar-tolerance: expected",
     "rest box.stl --table glass": "--table: table glass: expected board-game, hard-wood, carpet",
-    "rest .": "--out: expected the path of a table that ends in .csv or .parquet, got none; a",
-    "rest . --out t.xlsx": "--out: expected the path of a table that ends in .csv or .parquet, got",
+    "rest .": "--out: expected the path of a table that ends in .csv",
+    "rest . --out t.xlsx": "--out: expected the path of a table that ends in .csv",
     "rest . --out t.csv --coplanar-tolerance nan": "expected a number in [0, 1), got nan",
     "rest . --out gone/t.csv": "gone/t.csv: expected to write a file in an existing",
     "rest . --out t.csv --json": "--json: expected one mesh, got the folder",

@@ -15,7 +15,7 @@ from dicedesign.scenes.posing import PoseChoice, PoseJob, PoseResult, write_each
 
 def succeed(jobs: list[PoseJob], choice: PoseChoice) -> list[PoseResult]:
     """Report success without writing files."""
-    return [PoseResult(job, 0, 1, 1.0) for job in jobs]
+    return [PoseResult(job, 0, 0, 1, 1.0) for job in jobs]
 
 
 def list_jobs(count: int) -> list[PoseJob]:

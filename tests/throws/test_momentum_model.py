@@ -17,7 +17,6 @@ from benchmarks.random_dice import RandomDie, random_die
 from benchmarks.train import GENERAL, draw_table, plain_model
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
-from dicedesign.geometry.triangles import solid_inertia
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.distances import total_variation
 from dicedesign.throws.momentum_model import (
@@ -91,7 +90,7 @@ def test_every_model_within_its_ranges_gives_probabilities(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(12, 3)) * [1.0, 1.0, rng.choice([0.05, 1.0])]
     hull, side = convex_hull(points), rest_poses(points).basins[0]
-    inertia = solid_inertia(hull.vertices, hull.triangles)
+    inertia = hull.surface.inertia
     body = hull, side.paths, hull.centroid, inertia, side.areas / (4.0 * np.pi)
 
     def draw(name: str, part: Any) -> Any:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import make_body
-from dicedesign.geometry.triangles import solid_inertia
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.rest.equilibria import classify
@@ -124,7 +123,7 @@ def test_negative_barriers_by_rounding_count_as_zero() -> None:
     hull = convex_hull(random_points(8, 8))
     rests = RestEvaluation(classify(hull, hull.centroid), torch.tensor(hull.vertices))
     assert BOARD_GAME.mixture is not None
-    inertia = solid_inertia(hull.vertices, hull.triangles)
+    inertia = hull.surface.inertia
     transitions = Transitions.of(hull, rests.paths)
     known = hull.vertices, hull.centroid, inertia, rests.probability_values, np
     features, probabilities = body_features(transitions, *known), []

@@ -236,6 +236,15 @@ class ConvexHull(kernels.Handled):
         parts = np.array_split(points, len(points) // AT_A_TIME + 1)
         return np.concatenate([self.depths(part).min(axis=1) for part in parts])
 
+    def foot_depths(self, point: Floats) -> Floats:
+        """(m,) distances of the foot of a point (3,) on the plane of each facet from the line of
+        the nearest edge: positive where the foot is inside the facet, that is for stable ones."""
+        edges = self.vertices[self.head] - self.vertices[self.tail]
+        outward = np.linalg.cross(edges, self.normals[self.facet])
+        distances = ((self.vertices[self.tail] - point) * outward).sum(-1) / norms(outward)
+        depths: Floats = np.minimum.reduceat(distances, self.facet_start[:-1])
+        return depths
+
     def polygon(self, facet: int) -> Floats:
         """(k, 3) corners of a facet, counter-clockwise seen from outside."""
         return self.vertices[self.tail[self.facet_start[facet] : self.facet_start[facet + 1]]]

@@ -37,12 +37,14 @@ class MassProperties:
     center_of_mass: (3,) in the body's coordinates.
     inertia: (3, 3) tensor about the center of mass over the mass, in squared units of length.
     source: where it is from, in words.
+    volume: of the solid, in cubed units of length.
     """
 
     mass: float
     center_of_mass: Floats
     inertia: Floats
     source: str
+    volume: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from dicedesign.geometry.meshes.body import (
     make_body,
     solid_triangles,
 )
-from dicedesign.geometry.triangles import Surface, second_moments
+from dicedesign.geometry.triangles import Surface, join_inertia
 from dicedesign.runtime.arrays import Floats, Integers
 
 
@@ -101,16 +101,15 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
         if (before ^ part).volume() <= SHARED * part.volume():
             notes.append(f"{body.name} is not inside the other parts; it counts as fixed to them")
         before += part
-    pieces = []
+    pieces, volume = [], 0.0
     for number, (rest, density) in enumerate(zip(solids, densities, strict=True)):
         for later in solids[number + 1 :]:
             rest -= later
         if density > 0.0 and not rest.is_empty():
             piece = mesh_of(rest)
-            center = piece.centroid
-            moments, own = second_moments(piece.points - center, piece.triangles, np)
-            pieces.append((density * piece.volume, center, moments / own))
-    weights, centers, spreads = (
+            volume += piece.volume
+            pieces.append((density * piece.volume, piece.centroid, piece.inertia))
+    weights, centers, inertias = (
         np.array(column) for column in zip(*(pieces or [(0.0, origin, np.eye(3))]), strict=True)
     )
     with np.errstate(over="ignore"):
@@ -120,12 +119,10 @@ def weighted_body(parts: Iterable[tuple[Any, float]]) -> Body:
             f"{bodies[0].name}: expected a finite mass above 0, got {mass:g}; correct the "
             "densities, or give them in another unit"
         )
-    shares = weights / weights.sum()
-    center = shares @ centers
-    arms = centers - center
-    spread = size**2 * (np.einsum("n,nij->ij", shares, spreads) + (shares[:, None] * arms).T @ arms)
-    inertia = np.trace(spread) * np.eye(3) - spread
-    properties = MassProperties(mass, origin + size * center, inertia, SOURCE)
+    center, inertia = join_inertia(weights, centers, inertias)
+    properties = MassProperties(
+        mass, origin + size * center, size**2 * inertia, SOURCE, volume * size**3
+    )
     starts = np.cumsum([0, *(len(body.points) for body in bodies[:-1])])
     of_parts = [
         start + body.triangles

@@ -302,19 +302,6 @@ MOST_INFLATED = 1 << 31
 """Largest unpacked size of an archive in bytes, 2 GiB."""
 
 
-def read_bodies(path: str | Path) -> Iterator[Body]:
-    """Read each build item of a 3MF file as a body, named by the path and #1, #2 and so on if there
-    are several; any other file as one body. Raises as `read_body`."""
-    if Path(path).suffix.lower() == THREE_MF:
-        from dicedesign.geometry.meshes.three_mf import Build  # other formats need no XML
-
-        build = Build(Path(path))
-        # Without items, the first one is an error.
-        yield from map(build.body, range(1, max(len(build.items), 1) + 1))
-    else:
-        yield read_body(path)
-
-
 def read_body(path: str | Path, item: int | None = None) -> Body:
     """Read a body from a mesh or point file.
 

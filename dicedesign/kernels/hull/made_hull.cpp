@@ -1,5 +1,6 @@
 #include "hull/made_hull.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -15,24 +16,25 @@ namespace {
 
 constexpr std::size_t MOST_POINTS = std::numeric_limits<std::int32_t>::max() / 32;
 
-// Points moved by one of them all and scaled by a power of two, both without rounding, so that no
-// coordinate exceeds 1.
+// Points moved to the middle and scaled by a power of two, so that no coordinate exceeds 1: without
+// rounding, or to multiples of 2^-51, where points that differ by rounding alone become one.
 struct PlacedPoints {
-    PlacedPoints(const Vec* given, std::size_t count) : points(given, given + count), number(count) {
+    PlacedPoints(const Vec* given, std::size_t count, bool exact)
+        : points(given, given + count), number(count) {
         const Bounds bounds(given, count);
         // Halved before they are added: the sum of two large ones is no double.
         const Vec middle = 0.5 * bounds.lower + 0.5 * bounds.upper;
         const double reach = bounds.reach(middle);
         valid = bounds.finite && reach >= std::numeric_limits<double>::min();
         if (!valid) return;
-        move_near(middle, reach);
+        move_near(middle, reach, exact);
         const Bounds moved(points.data(), count);
         std::frexp(moved.magnitude(), &exponent);
         const PowerOfTwo shrink(-exponent);
-        for (Vec& p : points) p = shrink(p);
+        for (Vec& p : points) p = exact ? shrink(p) : on_grid(shrink(p));
         scale = shrink(reach);
         magnitude = shrink(bounds.magnitude());
-        valid = has_no_tiny_digits();
+        valid = !exact || has_no_tiny_digits();
         sort();
     }
 
@@ -49,18 +51,25 @@ struct PlacedPoints {
     bool valid;              // finite and not all in one place, and of digits that products keep
 
 private:
-    // To a grid on which few digits are lost, if that loses none.
-    void move_near(const Vec& middle, double reach) {
+    // Numbers from 2 to 4 have no finer digits.
+    static Vec on_grid(const Vec& p) {
+        return {(p.x + 3.0) - 3.0, (p.y + 3.0) - 3.0, (p.z + 3.0) - 3.0};
+    }
+
+    // By whole steps that are large beside the digits of most points; exactly or not at all if so
+    // wanted.
+    void move_near(const Vec& middle, double reach, bool exact) {
         int size;
         std::frexp(reach, &size);
         const double grid = std::ldexp(1.0, size - 8);
         const auto rounded = [grid](double x) { return std::nearbyint(x / grid) * grid; };
         const Vec shift{rounded(middle.x), rounded(middle.y), rounded(middle.z)};
         if (largest(absolute(shift)) == 0.0) return;
-        for (const Vec& p : points)
-            if (exact_sum(p.x, -shift.x).low != 0.0 || exact_sum(p.y, -shift.y).low != 0.0 ||
-                exact_sum(p.z, -shift.z).low != 0.0)
-                return;
+        const auto stays_exact = [&shift](const Vec& p) {
+            return exact_sum(p.x, -shift.x).low == 0.0 && exact_sum(p.y, -shift.y).low == 0.0 &&
+                   exact_sum(p.z, -shift.z).low == 0.0;
+        };
+        if (exact && !std::all_of(points.begin(), points.end(), stays_exact)) return;
         for (Vec& p : points) p = p - shift;
     }
 
@@ -137,7 +146,7 @@ Hull MadeHull::hull() const {
 std::optional<MadeHull> make_hull(const Vec* points, std::size_t count, double coplanar_tolerance,
                                   double precision, const MeasureTolerances& tolerances) {
     if (count < 4 || count > MOST_POINTS) return std::nullopt;
-    const PlacedPoints placed(points, count);
+    const PlacedPoints placed(points, count, false);
     if (!placed.valid) return std::nullopt;
     const double tolerance = placed.length(coplanar_tolerance, precision);
     const std::optional<Triangles> triangles = quickhull(placed.points, placed.number, tolerance);
@@ -152,7 +161,7 @@ std::optional<ExactHull> make_exact_hull(const Vec* points, std::size_t count,
                                          double coplanar_tolerance, double precision,
                                          const MeasureTolerances& tolerances) {
     if (count < 4 || count > MOST_POINTS) return std::nullopt;
-    const PlacedPoints placed(points, count);
+    const PlacedPoints placed(points, count, true);
     if (!placed.valid) return std::nullopt;
     std::optional<Triangles> triangles = quickhull(placed.points, placed.number, 0.0);
     if (!triangles) return std::nullopt;

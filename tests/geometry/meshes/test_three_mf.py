@@ -14,7 +14,8 @@ from common.paths import public_data
 
 from dicedesign.cli.main import main
 from dicedesign.errors import MeshFileError
-from dicedesign.geometry.meshes.reading import read_bodies, read_body
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.geometry.robots.bodies import list_bodies
 from dicedesign.geometry.triangles import is_closed, solid_properties
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -194,7 +195,7 @@ def test_each_build_item_is_a_body(tmp_path: Path, capsys: pytest.CaptureFixture
     objects = {'id="1" name="gear"': mesh(1), 'id="2"': mesh(2), **support}
     items = ['objectid="8"', 'objectid="1"', 'objectid="2" transform="1 0 0 0 1 0 0 0 1 9 0 0"']
     path = write(tmp_path, model(objects, *items))
-    assert [body.points.max() for body in read_bodies(path)] == [3.0, 11.0]
+    assert [body.read().points.max() for body in list_bodies(path)] == [3.0, 11.0]
     assert read_body(path, 2).points.max() == 11.0
     for item in (0, 3):
         with pytest.raises(MeshFileError, match=f"item from 1 to 2, got {item}"):
