@@ -12,7 +12,7 @@ from typing import Literal, NoReturn
 
 from dicedesign.batch.rest_table import Entry, Stamp, broken_entry, make_entry
 from dicedesign.errors import DiceError, InputError
-from dicedesign.geometry.meshes.reading import OWN_ENDINGS, mesh_endings
+from dicedesign.geometry.meshes.reading import OTHER_ENDINGS, OWN_ENDINGS, mesh_endings
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
 
 
@@ -22,8 +22,9 @@ class FolderFiles:
 
     Attributes
     ----------
-    meshes: size in bytes and time of the last change in nanoseconds of each mesh or point file, by
-        its path in the folder with slashes, in the order of the paths.
+    meshes: size in bytes and time of the last change in nanoseconds of each mesh or point file,
+        also of formats that are not read, by its path in the folder with slashes, in the order of
+        the paths.
     others: number of other files.
     """
 
@@ -36,7 +37,7 @@ def list_folder(folder: Path) -> FolderFiles:
 
     Raises InputError: there is no mesh, or a folder cannot be read.
     """
-    endings, others = OWN_ENDINGS, 0
+    endings, others = OWN_ENDINGS | OTHER_ENDINGS, 0
     meshes: dict[str, tuple[int, int]] = {}
     for parent, folders, names in os.walk(folder, onerror=_unreadable):
         folders[:] = [name for name in folders if not name.startswith(".")]
@@ -47,7 +48,7 @@ def list_folder(folder: Path) -> FolderFiles:
                 continue
             ending = os.path.splitext(name)[1].lower()
             if ending not in endings:
-                endings = mesh_endings()
+                endings |= mesh_endings()
             if ending not in endings:
                 others += 1
                 continue

@@ -383,9 +383,7 @@ def analyze(
     )
 
 
-def _combine_sides(
-    hull: ConvexHull, sides: tuple[Basins, ...]
-) -> tuple[Integers, Floats, bool]:
+def _combine_sides(hull: ConvexHull, sides: tuple[Basins, ...]) -> tuple[Integers, Floats, bool]:
     """Facets (k,) that a body rests on, the mean areas (k,) of their basins, and whether the sides
     differ."""
     if len(sides) == 1 and hull.finer is None:

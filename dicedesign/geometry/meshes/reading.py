@@ -1,248 +1,44 @@
-"""Mesh and point files: read any format, write STL.
-
-STL, OBJ, OFF and XYZ are parsed here: positions and faces, nothing else. The parsers take polygons
-of any size, relative OBJ indices, comments and any separator, and name the line of an error.
-"""
+"""Mesh and point files: read any format, write STL."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import logging
-import re
 import sys
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
-from dicedesign.errors import DegenerateBodyError, InputError, MeshFileError
-from dicedesign.geometry.meshes.body import Body, is_rounded, make_body, merge_positions
+from dicedesign.errors import DegenerateBodyError, DiceError, InputError, MeshFileError
+from dicedesign.geometry.meshes.body import Body, is_rounded, make_body
+from dicedesign.geometry.meshes.gltf import parse_gltf
+from dicedesign.geometry.meshes.parsing import (
+    EXPORT_AGAIN,
+    STL_TITLE,
+    STL_TRIANGLE,
+    Geometry,
+    parse_obj,
+    parse_off,
+    parse_ply,
+    parse_stl,
+    parse_xyz,
+)
+from dicedesign.geometry.meshes.scenes import Part, join_parts
+from dicedesign.geometry.meshes.xml_scenes import parse_amf, parse_collada
 from dicedesign.geometry.triangles import Surface
-from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
-
-Geometry = tuple[Floats, Integers]
-
-Line = tuple[int, list[str]]
-
-EXPORT_AGAIN = "export it again as STL, PLY or OBJ"
-"""The remedy for a file that is wrong as a whole."""
-
-QUOTED = 40
-"""Characters of a wrong line that are quoted."""
-
-MOST_INDEX = 2**31
-"""Largest vertex number."""
-
-DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
-"""A number with a comma for its point."""
-
-
-def parse_obj(data: bytes, path: Path) -> Geometry:
-    """Positions and fan-triangulated faces of a Wavefront OBJ file.
-
-    Texture and normal indices are skipped, so seams in them do not split vertices. Groups and
-    objects are joined. A fan has the signed volume and centroid of its polygon, convex or not.
-
-    Parameters
-    ----------
-    data: content of the file; path: what to call it in messages.
-
-    Returns
-    -------
-    (n, 3) points and (t, 3) zero-based triangles, t = 0 for a point cloud; not yet checked
-    against n.
-
-    Raises
-    ------
-    MeshFileError: a `v` or `f` line cannot be read.
-    """
-    points: list[float] = []
-    triangles: list[int] = []
-    for number, fields in _lines(data):
-        if fields[0] == "v":
-            points += _position(path, number, fields[1:4])
-        elif fields[0] == "f":
-            corners = [field.partition("/")[0] for field in fields[1:]]
-            indices = _integers(path, number, corners)
-            if 0 in indices:
-                raise bad_line(path, number, "vertex numbers other than 0", " ".join(fields))
-            polygon = [i - 1 if i > 0 else len(points) // 3 + i for i in indices]
-            triangles += _fan(path, number, fields, polygon)
-    return _arrays(points, triangles)
-
-
-def parse_off(data: bytes, path: Path) -> Geometry:
-    """Positions and fan-triangulated faces of an ASCII OFF file, colored or not.
-
-    Parameters, results and errors are those of `parse_obj`.
-    """
-    lines = list(_lines(data))
-    if not lines or lines[0][1][0].upper() not in {"OFF", "COFF", "NOFF", "CNOFF"}:
-        raise MeshFileError(
-            f"{path}: expected an ASCII OFF file, whose first line is OFF, got another first line; "
-            f"{EXPORT_AGAIN}"
-        )
-    number, header = lines[0]
-    if len(header) > 1:
-        lines[0] = (number, header[1:])
-    else:
-        del lines[0]
-    counts = _integers(path, lines[0][0], lines[0][1][:2]) if lines else []
-    if len(counts) != 2 or min(counts) < 0 or len(lines) - 1 < sum(counts):
-        raise MeshFileError(
-            f"{path}: expected the numbers of vertices and faces and then as many lines, got "
-            f"{counts} and {max(len(lines) - 1, 0)} lines; export the file again"
-        )
-    rows, faces = lines[1 : 1 + counts[0]], lines[1 + counts[0] : 1 + sum(counts)]
-    points: list[float] = []
-    for number, fields in rows:
-        points += _position(path, number, fields[:3])
-    triangles: list[int] = []
-    for number, fields in faces:
-        (size,) = _integers(path, number, fields[:1])
-        polygon = _integers(path, number, fields[1 : 1 + size])
-        if len(polygon) != size:
-            raise bad_line(path, number, f"{size} vertex numbers", " ".join(fields))
-        triangles += _fan(path, number, fields, polygon)
-    return _arrays(points, triangles)
-
-
-def parse_xyz(data: bytes, path: Path) -> Geometry:
-    """Points of a text file, the first three numbers of every line; further columns are skipped.
-
-    Parameters, results and errors are those of `parse_obj`, without triangles.
-    """
-    points: list[float] = []
-    for number, words in _lines(data):
-        if len(words) >= 3 and all(DECIMAL_COMMA.fullmatch(word) for word in words[:3]):
-            raise bad_line(path, number, "decimal points", " ".join(words))
-        fields = " ".join(words).replace(",", " ").replace(";", " ").split()
-        points += _position(path, number, fields[:3])
-    return _arrays(points, [])
-
-
-def _lines(data: bytes) -> Iterator[Line]:
-    """Number and fields of every line that holds any, comments and continuations resolved."""
-    text = data.decode("utf-8-sig", errors="replace")
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    pending, start = "", 0
-    for number, line in enumerate(lines, start=1):
-        start = start or number
-        if "#" in line:
-            line = line.partition("#")[0]
-        line = pending + line.rstrip()
-        if line.endswith("\\"):
-            pending = line[:-1]
-            continue
-        if fields := line.split():
-            yield start, fields
-        pending, start = "", 0
-
-
-def _position(path: Path, number: int, fields: Sequence[str]) -> tuple[float, float, float]:
-    try:
-        x, y, z = fields
-        position = float(x), float(y), float(z)
-        # float() would take "1_0" as 10.
-        if "_" in x + y + z:
-            raise ValueError
-        return position
-    except ValueError as error:
-        raise bad_line(path, number, "three coordinates", " ".join(fields)) from error
-
-
-def _integers(path: Path, number: int, fields: Sequence[str]) -> list[int]:
-    try:
-        numbers = list(map(int, fields))
-        # int() would take "1_0" as 10, and numbers that no array holds.
-        if "_" in "".join(fields) or max(map(abs, numbers), default=0) > MOST_INDEX:
-            raise ValueError
-        return numbers
-    except ValueError as error:
-        raise bad_line(path, number, "whole numbers", " ".join(fields)) from error
-
-
-def _fan(path: Path, number: int, fields: Sequence[str], polygon: list[int]) -> list[int]:
-    """Corners of the triangles of a polygon's fan, one after the other."""
-    if len(polygon) == 3:
-        return polygon
-    if len(polygon) < 3:
-        raise bad_line(path, number, "a face of at least 3 vertices", " ".join(fields))
-    return [i for b, c in pairwise(polygon[1:]) for i in (polygon[0], b, c)]
-
-
-def _arrays(points: list[float], triangles: list[int]) -> Geometry:
-    return (
-        np.array(points, dtype=np.float64).reshape(-1, 3),
-        np.array(triangles, dtype=np.int64).reshape(-1, 3),
-    )
-
-
-def bad_line(path: Path, number: int, expected: str, line: str) -> MeshFileError:
-    """Error about a line of a text file, numbered from 1, that does not hold what was expected."""
-    return MeshFileError(
-        f"{path}: line {number}: expected {expected}, got {line.strip()[:QUOTED]!a}; correct the "
-        "line or export the file again"
-    )
-
-
-STL_HEADER = 84
-"""Bytes before the first triangle: 80 of any text, then the number of triangles."""
-
-STL_TITLE = b"dicedesign, binary STL, lengths in millimeters".ljust(STL_HEADER - 4)
-"""Text at the start of the files that this package writes."""
-
-STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("color", "<u2")])
-"""Triangle of a binary file; its last two bytes are an extension that most programs skip."""
-
-
-def parse_stl(data: bytes, path: Path) -> tuple[Floats, Integers]:
-    """Points and triangles of an STL file, with equal positions merged into one point.
-
-    A file is binary when its size matches its number of triangles, whatever its header says (many
-    begin with "solid"). The solids of an ASCII file are joined. Normals and colors are skipped.
-
-    path: what to call it in messages. Returns (n, 3) points and (t, 3) triangles.
-    Raises MeshFileError: the file is neither, or a `vertex` line of an ASCII file cannot be read.
-    """
-    count = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], "little")
-    if len(data) == STL_HEADER + count * STL_TRIANGLE.itemsize:
-        records = np.frombuffer(data, dtype=STL_TRIANGLE, offset=STL_HEADER)
-        points = records["corners"].reshape(-1, 3).astype(np.float64)
-    elif data.lstrip(b"\xef\xbb\xbf \t\r\n")[:5].lower() == b"solid" and b"\0" not in data:
-        corners: list[float] = []
-        for number, (keyword, *fields) in _lines(data):
-            if keyword.lower() == "vertex":
-                corners += _position(path, number, fields)
-            elif keyword.lower() == "facet" and len(corners) % 9 != 0:
-                expected = "three corners before the next facet"
-                raise bad_line(path, number, expected, " ".join([keyword, *fields]))
-        if len(corners) % 9 != 0:
-            raise MeshFileError(
-                f"{path}: expected three corners in every facet, got a file that ends within one; "
-                f"{EXPORT_AGAIN}"
-            )
-        points = np.array(corners, dtype=np.float64).reshape(-1, 3)
-    else:
-        raise MeshFileError(
-            f"{path}: expected a .stl file, text that begins with solid or binary of {STL_HEADER} "
-            f"+ {STL_TRIANGLE.itemsize} bytes per triangle, got {len(data)} bytes; {EXPORT_AGAIN}"
-        )
-    # The format has no shared corners, so joining them repairs nothing worth a note.
-    first, place = merge_positions(points)
-    return points[first], place.reshape(-1, 3)
 
 
 def read_stl(data: bytes, name: str = "die.stl") -> Body:
     """Body in single precision from the content of an STL file. Raises as `read_body`."""
-    points, triangles = parse_stl(data, Path(name))
+    points, triangles, *_ = parse_stl(data, Path(name))
     return make_body(points, triangles, name, single_precision=True)
 
 
@@ -281,10 +77,23 @@ OWN_READERS: dict[str, Callable[[bytes, Path], Geometry]] = {
     ".obj": parse_obj,
     ".off": parse_off,
     ".xyz": parse_xyz,
+    ".ply": parse_ply,
+    ".glb": parse_gltf,
+    ".gltf": parse_gltf,
+    ".dae": parse_collada,
+    ".zae": parse_collada,
+    ".amf": parse_amf,
 }
 """The reader of each file ending, in lower case, that does without trimesh."""
 
 OWN_ENDINGS = frozenset(OWN_READERS)
+
+OTHER_ENDINGS = frozenset(
+    ".3dm .3ds .blend .brep .c4d .catpart .drc .dwg .dxf .f3d .fbx .fcstd .iam "  # noqa: SIM905
+    ".iges .igs .ipt .jt .lwo .mb .msh .scad .skp .sldasm .sldprt .step .stp .u3d .usd .usda "
+    ".usdc .usdz .vrml .vtk .vtp .vtu .wrl .x3d .x_t".split()
+)
+"""Endings of files of bodies that are not read."""
 
 
 @cache
@@ -303,9 +112,10 @@ MOST_INFLATED = 1 << 31
 def read_body(path: str | Path) -> Body:
     """Read a body from a mesh or point file.
 
-    STL, OBJ, OFF and XYZ are read by this package, all other formats (PLY, GLB, glTF, 3MF and
-    more) by trimesh, which is imported only then. A file of several meshes gives one body, each
-    mesh at its place in the scene; lines are ignored, and so are points beside a mesh.
+    STL, OBJ, OFF, XYZ, PLY, GLB, glTF, COLLADA and AMF are read by this package, 3MF and a few
+    other formats by trimesh, which is imported only then. A file of several meshes gives one body,
+    each mesh at its place in the scene; lines are ignored, and so are points beside a mesh. Lengths
+    are as written, but in mm where a COLLADA or AMF file says its unit.
 
     Parameters
     ----------
@@ -326,27 +136,30 @@ def read_body(path: str | Path) -> Body:
         raise MeshFileError(
             f"{path}: expected a mesh or point file, got an empty one; {EXPORT_AGAIN}"
         )
-    reader = OWN_READERS.get(path.suffix.lower())
+    reader = OWN_READERS.get(path.suffix.lower(), _parse_by_trimesh)
     # Numbers that are not finite are refused below.
     with np.errstate(all="ignore"):
-        if reader is not None:
-            points, triangles = reader(data, path)
-            rounded, count = is_rounded(points), 1
-        else:
-            _check_archive(data, path)
-            points, triangles, rounded, count = _read_scene(path)
-    if len(points) == 0:
+        try:
+            geometry = reader(data, path)
+        except DiceError:
+            raise
+        except Exception as error:  # a parser raises whatever it runs into
+            raise MeshFileError(
+                f"{path}: expected a {path.suffix.lower()} file, got one that cannot be read; "
+                f"{EXPORT_AGAIN}"
+            ) from error
+        rounded = geometry.is_rounded
+        if rounded is None:
+            rounded = is_rounded(geometry.points)
+    if len(geometry.points) == 0:
         raise MeshFileError(f"{path}: expected a mesh or points, found neither; {EXPORT_AGAIN}")
     try:
-        body = make_body(points, triangles, name=str(path), single_precision=rounded)
+        body = make_body(geometry.points, geometry.triangles, str(path), rounded)
     except DegenerateBodyError:
         raise
     except InputError as error:
         raise MeshFileError(str(error)) from error
-    if count == 1:
-        return body
-    notes = (f"joined {count} parts of the file", *body.notes)
-    return Body(body.points, body.triangles, body.name, body.single_precision, notes)
+    return replace(body, notes=geometry.notes + body.notes)
 
 
 def _check_archive(data: bytes, path: Path) -> None:
@@ -360,10 +173,9 @@ def _check_archive(data: bytes, path: Path) -> None:
             )
 
 
-def _read_scene(
-    path: Path,
-) -> tuple[Floats, Integers, bool, int]:
-    """Points, triangles, whether they were rounded, and the number of parts, read by trimesh."""
+def _parse_by_trimesh(data: bytes, path: Path) -> Geometry:
+    """Geometry of a file of another format, read by trimesh from its content alone."""
+    _check_archive(data, path)
     with quiet_trimesh():
         import trimesh
 
@@ -373,31 +185,19 @@ def _read_scene(
                 f"{path}: expected a file ending out of {', '.join(sorted(endings))}, got "
                 f"{path.suffix!r}; {EXPORT_AGAIN}"
             )
-        try:
-            loaded = trimesh.load(str(path), force="scene", process=False)
-            scene = cast("trimesh.Scene", loaded)
-            nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
-            parts = [(scene.geometry[name], np.asarray(matrix)) for matrix, name in nodes]
-        except Exception as error:  # its readers raise whatever their parsing runs into
-            raise MeshFileError(
-                f"{path}: expected a {path.suffix.lower()} file, got one that cannot be read; "
-                f"{EXPORT_AGAIN}"
-            ) from error
-    meshes = [part for part in parts if len(getattr(part[0], "faces", ())) > 0]
-    clouds = [part for part in parts if isinstance(part[0], trimesh.Trimesh | trimesh.PointCloud)]
-    points, triangles = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
-    rounded, count = False, 0
-    for geometry, matrix in meshes or clouds:
-        own = np.asarray(geometry.vertices, dtype=np.float64).reshape(-1, 3)
-        rounded = rounded or is_rounded(own)
-        moved = own @ matrix[:3, :3].T + matrix[:3, 3]
-        points.append(own if np.array_equal(matrix, np.eye(4)) else moved)
-        if meshes:
-            faces = np.asarray(geometry.faces, dtype=np.int64) + count
-            mirrored = np.linalg.det(matrix[:3, :3]) < 0  # a mirror turns a surface inside out
-            triangles.append(faces[:, ::-1] if mirrored else faces)
-        count += len(own)
-    return np.concatenate(points), np.concatenate(triangles), rounded, len(meshes or clouds)
+        file_type = path.suffix[1:].lower()
+        loaded = trimesh.load(io.BytesIO(data), file_type, force="scene", process=False)
+        scene = cast("trimesh.Scene", loaded)
+        parts = []
+        for node in scene.graph.nodes_geometry:
+            matrix, name = scene.graph[node]
+            mesh: Any = scene.geometry[name]
+            # Lines have other faces.
+            if isinstance(mesh, trimesh.Trimesh | trimesh.PointCloud):
+                faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64).reshape(-1, 3)
+                points = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+                parts.append(Part(points, faces, np.asarray(matrix)))
+    return join_parts(parts, path)
 
 
 @contextlib.contextmanager

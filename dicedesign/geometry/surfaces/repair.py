@@ -19,6 +19,7 @@ from dicedesign.geometry.surfaces.grid_surface import (
     distances_from_surface,
     winding_numbers,
 )
+from dicedesign.geometry.surfaces.holes import fill_holes
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_keys, surface_of
 from dicedesign.results.parts import Repair
 from dicedesign.runtime.arrays import Floats, Integers
@@ -319,11 +320,12 @@ def input_surface(
     ----------
     body: a mesh of any size.
     points: most of them, at least 4.
-    repair: whether to repair a mesh that does not bound one solid (`repair_mesh`).
+    repair: whether to repair a mesh that does not bound one solid, by `fill_holes` if that is
+        enough, or else by `repair_mesh`.
 
     Returns
     -------
-    The surface; what was done, one sentence each; and the repair, where one was made.
+    The surface; what was done, one sentence each; and the repair by `repair_mesh`, if any.
 
     Raises
     ------
@@ -333,14 +335,19 @@ def input_surface(
     repaired = None
     try:
         surface, notes = _take_as_is(body, points)
+        if repair:
+            notes += ("the mesh needed no repair",)
     except InputError:
         if not repair:
             raise
-        repaired = repair_mesh(body)
-        surface, notes = repaired.surface, repaired.notes
-    else:
-        if repair:
-            notes += ("the mesh needed no repair",)
+        filled = fill_holes(body)
+        try:
+            if filled is None:
+                raise
+            surface, notes = _take_as_is(filled, points)
+        except InputError:
+            repaired = repair_mesh(body)
+            surface, notes = repaired.surface, repaired.notes
     if len(surface.points) > points:
         surface, note = decimate(surface, points)
         notes += (note,)
