@@ -14,12 +14,12 @@ from dicedesign.geometry.triangles import (
     edge_neighbors,
     find_parts,
 )
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 
 MAX_RIM = 200
 """Edges of the rim of a hole that is filled; the work grows with their cube."""
 
-MAX_HOLES_SHARE = 0.25
+MAX_HOLES_SHARE = 0.5
 """Area of all fillings, over that of the surface, up to which they count as small."""
 
 EDGE_WEIGHT = 1e-6
@@ -44,7 +44,7 @@ def fill_holes(body: Body) -> Body | None:
     triangles = outward_patches(body.points, distinct_triangles(body.triangles))
     keys = edge_keys(triangles)
     used = np.unique(keys, return_counts=True)[1]
-    rims = _rims(triangles)
+    rims = _rims(body.points, triangles)
     if used.max() > 2 or not rims or sum(map(len, rims)) != np.count_nonzero(used == 1):
         return None
     if max(map(len, rims)) > MAX_RIM:
@@ -68,11 +68,11 @@ def fill_holes(body: Body) -> Body | None:
     )
 
 
-def _rims(triangles: Integers) -> list[Integers]:
+def _rims(points: Floats, triangles: Integers) -> list[Integers]:
     """Points around each hole, in the order in which triangles that fill it run.
 
-    Where several holes meet in a point, each leads from one fan of triangles to the next, so that
-    the filled surface has one ring of triangles there.
+    Where several holes meet in a point, each leads from one fan of triangles to the next counter-
+    clockwise, so that the filled surface has one ring of triangles there.
     """
     neighbors = edge_neighbors(triangles)
     triangle, corner = np.nonzero(neighbors >= 0)
@@ -87,8 +87,10 @@ def _rims(triangles: Integers) -> list[Integers]:
     triangle, corner = np.nonzero(neighbors < 0)
     starts, ends = 3 * triangle + (corner + 1) % 3, 3 * triangle + (corner + 2) % 3
     tails, heads = triangles.ravel()[starts], triangles.ravel()[ends]
+    angles = _fan_angles(points, triangles, fans)
     # Each fan has one edge that leaves its point and one that arrives there.
-    leaving, arriving = np.lexsort((fans[starts], tails)), np.lexsort((fans[ends], heads))
+    leaving = np.lexsort((fans[starts], angles[fans[starts]], tails))
+    arriving = np.lexsort((fans[ends], angles[fans[ends]], heads))
     if not np.array_equal(tails[leaving], heads[arriving]):
         return []
     first = np.searchsorted(tails[leaving], tails[leaving])
@@ -107,7 +109,21 @@ def _rims(triangles: Integers) -> list[Integers]:
     return rims
 
 
-def _triangulate(rim: Floats, is_edge: np.ndarray) -> Integers | None:
+def _fan_angles(points: Floats, triangles: Integers, fans: Integers) -> Floats:
+    """(f,) direction of each fan about its point, seen from outside; fans: (3 t,) of corners."""
+    corners, count = triangles.ravel(), int(fans.max()) + 1
+    vectors = doubled_area_vectors(points, triangles)
+    normals = sums_by_index(corners, np.repeat(vectors, 3, axis=0), len(points))[corners]
+    arms = np.repeat(points[triangles].mean(axis=1), 3, axis=0) - points[corners]
+    aside = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
+    x, y = (
+        sums_by_index(fans, (arms * axis).sum(-1) / norms(axis).clip(np.finfo(float).tiny), count)
+        for axis in (aside, np.cross(normals, aside))
+    )
+    return np.arctan2(y, x)
+
+
+def _triangulate(rim: Floats, is_edge: Booleans) -> Integers | None:
     """Triangles (n - 2, 3) of least area between the points (n, 3) of a rim, in its order.
 
     is_edge: (n, n) pairs of points that no new edge may join, but for neighbors. None if there are
@@ -134,9 +150,9 @@ def _triangulate(rim: Floats, is_edge: np.ndarray) -> Integers | None:
         return None
     triangles, pending = [], [(0, count - 1)]
     while pending:
-        i, j = pending.pop()
-        if j > i + 1:
-            k = int(middles[i, j])
-            triangles.append((i, k, j))
-            pending += [(i, k), (k, j)]
+        first, last = pending.pop()
+        if last > first + 1:
+            middle = int(middles[first, last])
+            triangles.append((first, middle, last))
+            pending += [(first, middle), (middle, last)]
     return np.array(triangles)

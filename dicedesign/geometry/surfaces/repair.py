@@ -37,8 +37,9 @@ BESIDE = 0.02
 """Distance from a triangle, in grid steps, at which both of its sides are tested for being
 inside."""
 
-BORDER = 2.5
-"""Grid steps beyond the box on each side."""
+BORDERS = (2.13, 2.41)
+"""Grid steps beyond the box on its low and high sides, such that no nodes are on faces along the
+axes, where it is chance whether they are inside."""
 
 THIN = 0.01
 """Thickness over the longest side below which a part is thin, as nodes of the grid may miss it."""
@@ -86,8 +87,9 @@ class WoundSolid:
     def surface(self) -> Surface:
         """All surfaces of the solid, to the accuracy of the grid; no two meet, and there are none
         where no node is inside."""
-        points, border = self.triangles.points, BORDER * self.spacing
-        low, high = points.min(axis=0) - border, points.max(axis=0) + border
+        points, (below, above) = self.triangles.points, BORDERS
+        low = points.min(axis=0) - below * self.spacing
+        high = points.max(axis=0) + above * self.spacing
         return GridValues(self.depths, low, high, self.spacing).above(0.0)
 
     def _thin_parts(self) -> Surface:
