@@ -172,16 +172,18 @@ def read_poses(
     parts: Iterable[str] = (),
     *,
     center: Floats | None = None,
+    largest_part: bool = False,
 ) -> tuple[Body, RestPoses]:
     """Read a body and compute its rests; print their notes on stderr.
 
-    com, coplanar_tolerance, parts: values of options; center: center of mass without `--com`.
+    com, coplanar_tolerance, parts, largest_part: values of options; center: center of mass without
+        `--com`.
     """
     # Commands about designed dice do not need these imports.
     from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.rest.poses import rest_poses
 
-    body = read_body(path)
+    body = read_body(path, keep_largest=largest_part)
     others = [(read_body(file), density) for file, density in map(_parse_part, parts)]
     if others:
         from dicedesign.geometry.meshes.manifold import weighted_body

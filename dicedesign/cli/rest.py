@@ -67,7 +67,13 @@ def list_rests(options: RestArguments) -> int:
 
 def _describe_mesh(options: RestArguments, mesh: Path) -> tuple[dict[str, Any], str]:
     """Rests of a mesh as plain data, and as text."""
-    body, poses = read_poses(mesh, options.com, options.coplanar_tolerance, options.part)
+    body, poses = read_poses(
+        mesh,
+        options.com,
+        options.coplanar_tolerance,
+        options.part,
+        largest_part=options.largest_part,
+    )
     if options.prior is not None:
         if options.table is not None:
             raise InputError(
@@ -133,11 +139,12 @@ def _list_folder(options: RestArguments, folder: Path) -> int:
     from dicedesign.batch.rest_table import RestTable, Stamp, table_format
 
     com, tolerance, path = center_of_mass(options.com), options.coplanar_tolerance, options.out
-    for name in ("table", "json", "figure", "prior", "part"):
+    for name in ("table", "json", "figure", "prior", "part", "largest_part"):
         if getattr(options, name) not in (None, False, ()):
+            option = "--" + name.replace("_", "-")
             raise InputError(
-                f"--{name}: expected one mesh, got the folder {folder}; name a file, or "
-                f"leave --{name} out"
+                f"{option}: expected one mesh, got the folder {folder}; name a file, or leave "
+                f"{option} out"
             )
     if not (tolerance is None or 0.0 <= tolerance < 1.0):
         raise InputError(
@@ -227,7 +234,13 @@ def drop(options: DropArguments) -> int:
                 f"--max-angle-deg: expected at least {math.degrees(SMALLEST_ANGLE):.2g}, got "
                 f"{options.max_angle_deg:g}; take a larger angle"
             )
-    _, poses = read_poses(options.mesh, options.com, options.coplanar_tolerance, options.part)
+    _, poses = read_poses(
+        options.mesh,
+        options.com,
+        options.coplanar_tolerance,
+        options.part,
+        largest_part=options.largest_part,
+    )
     equilibria = poses.morse.equilibria
     steps = roll_steps(equilibria, down, largest)
     columns: dict[str, Any] = {

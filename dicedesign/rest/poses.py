@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from dicedesign.errors import MOST_COUNT, DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, hull_precision
 from dicedesign.geometry.meshes.body import Body, body_of, resolve_center_of_mass
+from dicedesign.geometry.meshes.parts import loose_part_notes
 from dicedesign.geometry.sphere import angle_between, rotation_between, unit_vectors
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.basins import Basins, find_basins, merged_rests
@@ -346,7 +347,8 @@ def rest_poses(
                 "which bends facets; the rests are those of the body as it is in the file; move it "
                 "to the origin before it is rounded",
             )
-    return analyze(hull, center, source, (*body.notes, *notes), hull_seconds)
+    notes = (*body.notes, *loose_part_notes(body, hull.source), *notes)
+    return analyze(hull, center, source, notes, hull_seconds)
 
 
 def analyze(

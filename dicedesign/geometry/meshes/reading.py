@@ -30,6 +30,7 @@ from dicedesign.geometry.meshes.parsing import (
     parse_stl,
     parse_xyz,
 )
+from dicedesign.geometry.meshes.parts import largest_part
 from dicedesign.geometry.meshes.scenes import Part, join_parts
 from dicedesign.geometry.meshes.xml_scenes import parse_amf, parse_collada
 from dicedesign.geometry.triangles import Surface
@@ -109,7 +110,7 @@ MOST_INFLATED = 1 << 31
 """Largest unpacked size of an archive in bytes, 2 GiB."""
 
 
-def read_body(path: str | Path) -> Body:
+def read_body(path: str | Path, *, keep_largest: bool = False) -> Body:
     """Read a body from a mesh or point file.
 
     STL, OBJ, OFF, XYZ, PLY, GLB, glTF, COLLADA and AMF are read by this package, 3MF and a few
@@ -120,6 +121,7 @@ def read_body(path: str | Path) -> Body:
     Parameters
     ----------
     path: the file; its ending says the format.
+    keep_largest: whether to leave out all but the largest connected part and what is within it.
 
     Returns
     -------
@@ -159,7 +161,8 @@ def read_body(path: str | Path) -> Body:
         raise
     except InputError as error:
         raise MeshFileError(str(error)) from error
-    return replace(body, notes=geometry.notes + body.notes)
+    body = replace(body, notes=geometry.notes + body.notes)
+    return largest_part(body) if keep_largest else body
 
 
 def _check_archive(data: bytes, path: Path) -> None:
