@@ -150,7 +150,7 @@ def test_a_mesh_with_holes_becomes_a_die(
     command = ["design", "--target", "1/2,1/2", "--mesh", str(path), "--no-figures", "--repair"]
     folder = tmp_path / "die"
     assert main([*command, "--out", str(folder)]) == 0
-    assert "repaired the mesh" in capsys.readouterr().err
+    assert "filled 1 holes" in capsys.readouterr().err
     poses = rest_poses(read_body(folder / "die_plain.stl"))
     np.testing.assert_allclose(poses.probabilities[:2], 0.5, atol=0.005)
 

@@ -23,6 +23,7 @@ from dicedesign.geometry.meshes.scenes import (
     triangles_of,
     walk,
 )
+from dicedesign.geometry.triangles import surface_of
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
 
@@ -88,6 +89,7 @@ class _Gltf:
                 f"{EXPORT_AGAIN}"
             )
         self.contents: dict[str, bytes] = {}
+        self.known: dict[int, list[tuple[Floats, Integers]]] = {}
         for name in self.document.get("extensionsRequired", []):
             if name in COMPRESSED:
                 raise self.compressed(name)
@@ -104,7 +106,7 @@ class _Gltf:
             "`gltf-transform copy IN OUT`"
         )
 
-    def view(self, number: int) -> bytes:
+    def view(self, number: int) -> memoryview:
         """Content of a buffer view."""
         view = self.document["bufferViews"][_index(number)]
         index = _index(view["buffer"])
@@ -126,7 +128,7 @@ class _Gltf:
         start, length = _index(view.get("byteOffset", 0)), _index(view["byteLength"])
         if start + length > min(len(content), self.document["buffers"][index]["byteLength"]):
             raise ValueError
-        return content[start : start + length]
+        return memoryview(content)[start : start + length]
 
     def array(self, number: int) -> NDArray[Any]:
         """(n, k) numbers of an accessor; normalized integers as the fractions that they mean."""
@@ -164,6 +166,8 @@ class _Gltf:
 
     def meshes(self, number: int) -> list[tuple[Floats, Integers]]:
         """Points and triangles of each primitive of a mesh that has any."""
+        if number in self.known:
+            return self.known[number]
         meshes = []
         for primitive in self.document["meshes"][_index(number)]["primitives"]:
             mode, accessor = primitive.get("mode", 4), primitive["attributes"].get("POSITION")
@@ -173,7 +177,13 @@ class _Gltf:
             order = np.arange(len(points))
             if "indices" in primitive:
                 order = self.array(primitive["indices"])[:, 0].astype(np.int64)
-            meshes.append((points, triangles_of(order, mode)))
+            triangles = triangles_of(order, mode)
+            # Many primitives may share one array of points.
+            if 0 < triangles.size < len(points):
+                part = surface_of(points, triangles)
+                points, triangles = part.points, part.triangles
+            meshes.append((points, triangles))
+        self.known[number] = meshes
         return meshes
 
     def node(self, number: int) -> Node:

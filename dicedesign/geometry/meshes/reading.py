@@ -18,7 +18,6 @@ import numpy as np
 
 from dicedesign.errors import DegenerateBodyError, DiceError, InputError, MeshFileError
 from dicedesign.geometry.meshes.body import Body, is_rounded, make_body
-from dicedesign.geometry.meshes.gltf import parse_gltf
 from dicedesign.geometry.meshes.parsing import (
     EXPORT_AGAIN,
     STL_TITLE,
@@ -31,8 +30,6 @@ from dicedesign.geometry.meshes.parsing import (
     parse_xyz,
 )
 from dicedesign.geometry.meshes.parts import largest_part
-from dicedesign.geometry.meshes.scenes import Part, join_parts
-from dicedesign.geometry.meshes.xml_scenes import parse_amf, parse_collada
 from dicedesign.geometry.triangles import Surface
 from dicedesign.runtime.files import read_file
 
@@ -73,17 +70,25 @@ def stl_bytes(surface: Surface) -> bytes:
     return STL_TITLE + np.array(len(records), dtype="<u4").tobytes() + records.tobytes()
 
 
+def _parse_scene(data: bytes, path: Path) -> Geometry:
+    """Geometry of a glTF, COLLADA or AMF file."""
+    # Most files are others.
+    from dicedesign.geometry.meshes import gltf, xml_scenes
+
+    ending = path.suffix.lower()
+    if ending == ".amf":
+        return xml_scenes.parse_amf(data, path)
+    is_collada = ending in (".dae", ".zae")
+    return (xml_scenes.parse_collada if is_collada else gltf.parse_gltf)(data, path)
+
+
 OWN_READERS: dict[str, Callable[[bytes, Path], Geometry]] = {
     ".stl": parse_stl,
     ".obj": parse_obj,
     ".off": parse_off,
     ".xyz": parse_xyz,
     ".ply": parse_ply,
-    ".glb": parse_gltf,
-    ".gltf": parse_gltf,
-    ".dae": parse_collada,
-    ".zae": parse_collada,
-    ".amf": parse_amf,
+    **dict.fromkeys((".glb", ".gltf", ".dae", ".zae", ".amf"), _parse_scene),
 }
 """The reader of each file ending, in lower case, that does without trimesh."""
 
@@ -179,6 +184,8 @@ def _check_archive(data: bytes, path: Path) -> None:
 def _parse_by_trimesh(data: bytes, path: Path) -> Geometry:
     """Geometry of a file of another format, read by trimesh from its content alone."""
     _check_archive(data, path)
+    from dicedesign.geometry.meshes.scenes import Part, join_parts
+
     with quiet_trimesh():
         import trimesh
 

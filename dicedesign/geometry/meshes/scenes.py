@@ -16,7 +16,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 MAX_NODES = 1 << 17
 """Limit of the places of meshes in a scene; nodes within themselves have no end."""
 
-MAX_POINTS = 1 << 27
+MAX_POINTS = 1 << 26
 """Limit of the points of all of them."""
 
 
@@ -94,4 +94,6 @@ def triangles_of(order: Integers, mode: int) -> Integers:
     if mode == 6:
         return np.stack([order[0 * number], order[number + 1], order[number + 2]], axis=1)
     odd = number % 2
-    return np.stack([order[number], order[number + 1 + odd], order[number + 2 - odd]], axis=1)
+    strip = np.stack([order[number], order[number + 1 + odd], order[number + 2 - odd]], axis=1)
+    # Repeated corners lead on to where a strip continues.
+    return strip[(strip != np.roll(strip, 1, axis=1)).all(axis=1)]
