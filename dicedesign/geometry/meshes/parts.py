@@ -43,8 +43,8 @@ def loose_part_notes(body: Body, corners: Integers) -> tuple[str, ...]:
     near = ", ".join(f"{x:.4g}" for x in place)
     return (
         f"{len(parts)} loose parts of {100.0 * shares[parts].sum():.1g} % of the area decide the "
-        f"convex hull, one near ({near}); leave them out with --largest-part if they are no part "
-        "of the body",
+        f"convex hull, one near ({near}); if they are no part of the body, leave them out with "
+        "dicedesign rest --largest-part",
     )
 
 

@@ -56,18 +56,20 @@ def _floats(element: Element | None, count: int) -> Floats:
     return values
 
 
+def _ids_of(element: Element) -> dict[str, Element]:
+    return {name: each for each in element.iter() if (name := each.get("id"))}
+
+
 class _Collada:
     """Document of a COLLADA file."""
 
     def __init__(self, root: Element) -> None:
         self.root = root
-        self.ids = {name: element for element in root.iter() if (name := element.get("id"))}
-        self.known: dict[str, list[tuple[Floats, Integers]]] = {}
+        self.ids = _ids_of(root)
+        self.known: dict[Element, list[tuple[Floats, Integers]]] = {}
 
-    def target(self, element: Element | None, name: str = "url") -> Element:
+    def target(self, element: Element, name: str = "url") -> Element:
         """Element that another one names."""
-        if element is None:
-            raise ValueError
         return self.ids[element.get(name, "").removeprefix("#")]
 
     def node(self, element: Element) -> Node:
@@ -111,10 +113,11 @@ class _Collada:
 
     def meshes(self, geometry: Element) -> list[tuple[Floats, Integers]]:
         """Points and triangles of each group of primitives of a geometry."""
-        name = geometry.get("id", "")
-        if name in self.known:
-            return self.known[name]
+        if geometry in self.known:
+            return self.known[geometry]
         meshes = []
+        # Some programs give sources of several geometries one name.
+        own = _ids_of(geometry)
         for group in geometry.iterfind("mesh/*"):
             if group.tag not in ("triangles", "polylist", "polygons", "trifans", "tristrips"):
                 continue
@@ -122,7 +125,7 @@ class _Collada:
             (vertices,) = (each for each in inputs if each.get("semantic") == "VERTEX")
             (position,) = (
                 each
-                for each in self.target(vertices, "source").iterfind("input")
+                for each in own[vertices.get("source", "")[1:]].iterfind("input")
                 if each.get("semantic") == "POSITION"
             )
             width = 1 + max(int(each.get("offset", 0)) for each in inputs)
@@ -145,8 +148,8 @@ class _Collada:
                 if group.tag == "tristrips"
                 else fans(sizes, joined)
             )
-            meshes.append((self._points(self.target(position, "source")), triangles))
-        self.known[name] = meshes
+            meshes.append((self._points(own[position.get("source", "")[1:]]), triangles))
+        self.known[geometry] = meshes
         return meshes
 
     def _points(self, source: Element) -> Floats:

@@ -42,8 +42,7 @@ def fill_holes(body: Body) -> Body | None:
     if body.triangles is None:
         return None
     triangles = outward_patches(body.points, distinct_triangles(body.triangles))
-    keys = edge_keys(triangles)
-    used = np.unique(keys, return_counts=True)[1]
+    edges, used = np.unique(edge_keys(triangles), return_counts=True)
     rims = _rims(body.points, triangles)
     if used.max() > 2 or not rims or sum(map(len, rims)) != np.count_nonzero(used == 1):
         return None
@@ -53,7 +52,8 @@ def fill_holes(body: Body) -> Body | None:
     fillings = []
     for rim in rims:
         pairs = np.minimum.outer(rim, rim) * size + np.maximum.outer(rim, rim)
-        is_edge = np.isin(pairs, keys) | (rim[:, None] == rim)
+        nearest = edges[np.searchsorted(edges, pairs).clip(max=len(edges) - 1)]
+        is_edge = (nearest == pairs) | (rim[:, None] == rim)
         filling = _triangulate(body.points[rim], is_edge)
         if filling is None:
             return None
