@@ -185,9 +185,8 @@ def _surface_layer(
         weights, is_front = _weights(corners, triangle, *np.divmod(sample, fine))
     if surface.smooth:
         turned = surface.corner_normals @ camera.frame().T
-        normals = _mix(turned, triangle, weights) * np.where(is_front, 1.0, -1.0)[:, None]
-        lengths = norms(normals)[:, None]
-        shade = brightness(normals / np.where(lengths > 0.0, lengths, 1.0))
+        sides = np.where(is_front, 1.0, -1.0)[:, None]
+        shade = brightness(_normalize(_mix(turned, triangle, weights) * sides))
     else:
         shade = brightness(flat)[triangle]
     if surface.colors is None:
