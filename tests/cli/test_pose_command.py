@@ -129,10 +129,12 @@ def test_outputs_have_default_names(
 
 def test_a_quantized_mesh_is_posed_in_its_size(tmp_path: Path) -> None:
     """trimesh would take its integers for lengths."""
-    mesh, reference = (public_data(f"cases/15_{n}.glb") for n in ("quantized", "reference_float"))
-    heights = []
-    for path in (mesh, reference):
+    posed = []
+    for name in ("quantized", "reference_float"):
         out = tmp_path / "posed.glb"
-        assert main(["pose", str(path), "--out", str(out)]) == 0
-        heights.append(read_body(out).points[:, 2].max())
+        assert main(["pose", str(public_data(f"cases/15_{name}.glb")), "--out", str(out)]) == 0
+        posed.append(read_body(out))
+    heights = [body.points[:, 2].max() for body in posed]
     assert heights[0] == pytest.approx(heights[1], rel=1e-3)
+    probabilities = [rest_poses(body).probabilities for body in posed]
+    np.testing.assert_allclose(*probabilities, atol=1e-5)
