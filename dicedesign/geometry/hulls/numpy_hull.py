@@ -199,7 +199,9 @@ def exact_half_edges(
     return half_edges, None, np.arange(len(facet_of_flat))
 
 
-def _scale(positions: Floats, coplanar_tolerance: float, precision: float) -> tuple[Floats, float]:
+def _scale(
+    positions: Floats, coplanar_tolerance: float, precision: float
+) -> tuple[Floats, float]:
     """Points (n, 3) moved and scaled so that coordinates are at most 1, and the distance within
     which they are coplanar. Raises DegenerateBodyError as `convex_hull`."""
     if len(positions) < 4:
