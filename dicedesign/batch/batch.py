@@ -15,7 +15,7 @@ from typing import NoReturn
 from dicedesign.batch.rest_rows import RestOptions
 from dicedesign.batch.rest_table import Entry, Stamp, broken_entry, make_entry
 from dicedesign.errors import DiceError, InputError
-from dicedesign.geometry.meshes.reading import OWN_ENDINGS, mesh_endings
+from dicedesign.geometry.meshes.reading import MESH_ENDINGS, OTHER_ENDINGS
 from dicedesign.geometry.robots.bodies import list_bodies
 from dicedesign.rest.poses import rest_poses
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
@@ -27,8 +27,9 @@ class FolderFiles:
 
     Attributes
     ----------
-    meshes: size in bytes and time of the last change in nanoseconds of each mesh or point file, by
-        its path in the folder with slashes, in the order of the paths.
+    meshes: size in bytes and time of the last change in nanoseconds of each mesh or point file,
+        also of formats that are not read, by its path in the folder with slashes, in the order of
+        the paths.
     others: number of other files.
     """
 
@@ -41,7 +42,7 @@ def list_folder(folder: Path) -> FolderFiles:
 
     Raises InputError: there is no mesh, or a folder cannot be read.
     """
-    endings, others = OWN_ENDINGS, 0
+    others = 0
     meshes: dict[str, tuple[int, int]] = {}
     for parent, folders, names in os.walk(folder, onerror=_unreadable):
         folders[:] = [name for name in folders if not name.startswith(".")]
@@ -50,17 +51,14 @@ def list_folder(folder: Path) -> FolderFiles:
         for name in names:
             if name.startswith("."):
                 continue
-            ending = os.path.splitext(name)[1].lower()
-            if ending not in endings:
-                endings = mesh_endings()
-            if ending not in endings:
+            if os.path.splitext(name)[1].lower() not in MESH_ENDINGS | OTHER_ENDINGS:
                 others += 1
                 continue
             meshes[start + name] = file_state(os.path.join(parent, name))
     if not meshes:
         raise InputError(
             f"{folder}: expected a folder with meshes, files ending in "
-            f"{', '.join(sorted(mesh_endings()))}, got {others} other files; name another folder"
+            f"{', '.join(sorted(MESH_ENDINGS))}, got {others} other files; name another folder"
         )
     return FolderFiles(dict(sorted(meshes.items())), others)
 

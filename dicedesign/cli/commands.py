@@ -78,8 +78,10 @@ class WithBody(WithRests, WithJson):
     help_text = """Options:
     mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ...
     part (FILE:DENSITY): a closed mesh inside MESH with its own density, relative to MESH; 0 is a
-        cavity; may be repeated, the last one wins where parts overlap"""
+        cavity; may be repeated, the last one wins where parts overlap
+    largest_part: leave out all but the largest connected part of MESH and what is within it"""
     part: tuple[str, ...] = ()
+    largest_part: bool = False
 
 
 @dataclass(kw_only=True)

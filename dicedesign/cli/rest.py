@@ -46,7 +46,11 @@ def list_rests(options: RestArguments) -> int:
                 "name a folder or a table with --out"
             )
     settings = _settings(options, map(str, meshes))
-    bodies = [(mesh, source) for mesh in meshes for source in list_bodies(mesh, options.item)]
+    bodies = [
+        (mesh, source)
+        for mesh in meshes
+        for source in list_bodies(mesh, options.item, options.largest_part)
+    ]
     if len(bodies) > 1 and options.figure is not None:
         raise InputError(
             f"--figure: expected one mesh, got {len(bodies)}; draw one after the other"
@@ -212,11 +216,12 @@ def _write_table(options: RestArguments) -> int:
 
     path, folder = options.out, options.meshes[0]
     is_folder = os.path.isdir(folder) and len(options.meshes) == 1
-    for name in ("table", "json", "figure", "prior", "part", "item"):
+    for name in ("table", "json", "figure", "prior", "part", "item", "largest_part"):
         if getattr(options, name) not in (None, False, ()):
+            option = "--" + name.replace("_", "-")
             got = f"the folder {folder}" if is_folder else f"--out {path}"
             raise InputError(
-                f"--{name}: expected one mesh, got {got}; name a file, or leave --{name} out"
+                f"{option}: expected one mesh, got {got}; name a file, or leave {option} out"
             )
     # A wrong ending fails before the work.
     table_format(path)
@@ -311,7 +316,7 @@ def drop(options: DropArguments) -> int:
                 f"{options.max_angle_deg:g}; take a larger angle"
             )
     _, poses = find_poses(
-        read_body(options.mesh, options.item),
+        read_body(options.mesh, options.item, keep_largest=options.largest_part),
         options.com,
         options.coplanar_tolerance,
         options.part,

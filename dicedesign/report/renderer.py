@@ -41,6 +41,9 @@ PAINT_SHADE = 0.55
 SMOOTH_DEGREES = 35.0
 """Largest angle between two triangles of a smooth surface that are shaded as one."""
 
+MAX_CORNERS = 100_000
+"""Corners whose normals are computed at once."""
+
 SHARP_DEGREES = 20.0
 """Angle above which edges of a solid with flat faces are outlined."""
 
@@ -83,13 +86,17 @@ class RenderMesh:
         by_vertex = np.argsort(vertex, kind="stable")
         counts = np.bincount(vertex, minlength=len(self.points))
         starts = np.cumsum(counts) - counts
-        # Pairs of corners at one vertex.
-        corner, place = ragged_ranges(starts[vertex], counts[vertex])
-        triangle, other = corner // 3, by_vertex[place] // 3
-        smooth = (flat[triangle] * flat[other]).sum(-1) >= np.cos(np.radians(SMOOTH_DEGREES))
-        corner, other = corner[smooth], other[smooth]
-        sums = [np.bincount(corner, areas[other, k], minlength=len(vertex)) for k in range(3)]
-        return _normalize(np.stack(sums, axis=1)).reshape(-1, 3, 3)
+        sums = []
+        for first in range(0, len(vertex), MAX_CORNERS):
+            some = vertex[first : first + MAX_CORNERS]
+            # Pairs of corners at one vertex.
+            corner, place = ragged_ranges(starts[some], counts[some])
+            triangle, other = (first + corner) // 3, by_vertex[place] // 3
+            smooth = (flat[triangle] * flat[other]).sum(-1) >= np.cos(np.radians(SMOOTH_DEGREES))
+            corner, other = corner[smooth], other[smooth]
+            sums += [np.bincount(corner, areas[other, k], len(some)) for k in range(3)]
+        columns = [np.concatenate([np.zeros(0), *sums[k::3]]) for k in range(3)]
+        return _normalize(np.stack(columns, axis=1)).reshape(-1, 3, 3)
 
 
 def color_triangles(points: Floats, triangles: Integers, colors: Floats) -> RenderMesh:
@@ -178,9 +185,8 @@ def _surface_layer(
         weights, is_front = _weights(corners, triangle, *np.divmod(sample, fine))
     if surface.smooth:
         turned = surface.corner_normals @ camera.frame().T
-        normals = _mix(turned, triangle, weights) * np.where(is_front, 1.0, -1.0)[:, None]
-        lengths = norms(normals)[:, None]
-        shade = brightness(normals / np.where(lengths > 0.0, lengths, 1.0))
+        sides = np.where(is_front, 1.0, -1.0)[:, None]
+        shade = brightness(_normalize(_mix(turned, triangle, weights) * sides))
     else:
         shade = brightness(flat)[triangle]
     if surface.colors is None:

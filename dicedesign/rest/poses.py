@@ -20,6 +20,7 @@ from dicedesign.geometry.meshes.body import (
     resolve_center_of_mass,
     solid_triangles,
 )
+from dicedesign.geometry.meshes.parts import loose_part_notes
 from dicedesign.geometry.sphere import angle_between, turns_down, unit_vectors
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.basins import Basins, find_basins, merged_rests
@@ -370,7 +371,8 @@ def rest_poses(
                 "which bends facets; the rests are those of the body as it is in the file; move it "
                 "to the origin before it is rounded",
             )
-    return analyze(hull, center, source, (*body.notes, *notes), hull_seconds)
+    notes = (*body.notes, *loose_part_notes(body, hull.source), *notes)
+    return analyze(hull, center, source, notes, hull_seconds)
 
 
 def analyze(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import zlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -22,7 +23,8 @@ from dicedesign.fabricate.file_formats import (
     rows,
 )
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.reading import OWN_ENDINGS, quiet_trimesh, read_body
+from dicedesign.geometry.meshes.gltf import read_beside
+from dicedesign.geometry.meshes.reading import MESH_ENDINGS, quiet_trimesh, read_body
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
@@ -95,23 +97,54 @@ def pose_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
     return file_bytes(contents, FILE_FORMATS[kind], str(path))
 
 
+SHAPE_ENDINGS = MESH_ENDINGS - {".ply", ".glb", ".gltf"}
+"""Endings of formats without colors, or with colors that are not kept but in OBJ files."""
+
+SAME_SHAPE = 1e-4
+"""Largest difference of two bounding boxes, over the longest side, that counts as none."""
+
+
+class _Beside:
+    """Files beside a mesh, such as textures, for trimesh."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def get(self, name: str) -> bytes:
+        return read_beside(self._path, name)
+
+    __getitem__ = get
+
+
 def load_scene(path: Path, body: Body) -> trimesh.Scene:
     """Scene of a mesh file that `read_body` has read.
 
-    It has the materials of an OBJ file that names some, and of every format that trimesh reads.
-    Otherwise it holds the shape alone.
+    It has the materials of an OBJ, PLY, GLB or glTF file and of every format that trimesh alone
+    reads. Where trimesh reads another shape, or none, it holds the shape alone.
     """
+    low, high = body.points.min(axis=0), body.points.max(axis=0)
     with quiet_trimesh():
         import trimesh
 
         ending = path.suffix.lower()
-        if ending not in OWN_ENDINGS or (ending == ".obj" and b"mtllib" in path.read_bytes()):
+        data = path.read_bytes()
+        if ending not in SHAPE_ENDINGS or (ending == ".obj" and b"mtllib" in data):
             with contextlib.suppress(Exception):  # trimesh raises errors of any kind
-                loaded_scene: Any = trimesh.load(str(path), force="scene", process=False)
+                resolver: Any = _Beside(path)
+                loaded_scene: Any = trimesh.load(
+                    io.BytesIO(data),
+                    ending[1:],
+                    resolver=resolver,
+                    force="scene",
+                    process=False,
+                )
                 for name, geometry in list(loaded_scene.geometry.items()):
                     if not isinstance(geometry, trimesh.Trimesh):
                         loaded_scene.delete_geometry(name)
-                if loaded_scene.geometry:
+                if (
+                    np.abs(loaded_scene.bounds - [low, high]).max()
+                    <= SAME_SHAPE * (high - low).max()
+                ):
                     return cast("trimesh.Scene", loaded_scene)
         scene = trimesh.Scene()
         scene.add_geometry(trimesh.Trimesh(body.points, body.triangles, process=False), path.stem)

@@ -58,16 +58,18 @@ def test_the_number_of_jobs_has_no_effect(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     (meshes / "broken.obj").write_text("v 1\n")
+    (meshes / "b" / "part.STEP").write_text("ISO-10303-21;\n")
     monkeypatch.setattr(workers, "ITEMS_PER_TASK", 1)
     for jobs in ("1", "2"):
         out = str(tmp_path / f"{jobs}.csv")
         assert main(["rest", str(meshes), "--jobs", jobs, "--out", out]) == 0
         captured = capsys.readouterr()
         rows = without_seconds(Path(out))
-        assert captured.out == f"{out}: 6 files with {len(rows) - 1} resting poses\n"
+        assert captured.out == f"{out}: 6 files with {len(rows) - 2} resting poses\n"
+        assert {row["file"] for row in rows if row["error"]} == {"b/part.STEP", "broken.obj"}
         assert captured.err == (
             "note: 1 files are no meshes\n"
-            "note: 1 files could not be analyzed; see the column 'error'\n"
+            "note: 2 files could not be analyzed; see the column 'error'\n"
         )
     assert without_seconds(tmp_path / "1.csv") == without_seconds(tmp_path / "2.csv")
 

@@ -146,7 +146,9 @@ def test_a_mesh_with_holes_becomes_a_die(
     # A coarse repair; other tests are for the fine one.
     monkeypatch.setattr("dicedesign.geometry.surfaces.repair.CELLS", 25)
     whole, path = bent_capsule(), tmp_path / "capsule.obj"
-    trimesh.Trimesh(whole.points, whole.triangles[9:], process=False).export(path)
+    # A sheet inside makes it more than a surface with a hole.
+    triangles = np.vstack([whole.triangles[9:], [[0, 100, 200]]])
+    trimesh.Trimesh(whole.points, triangles, process=False).export(path)
     command = ["design", "--target", "1/2,1/2", "--mesh", str(path), "--no-figures", "--repair"]
     folder = tmp_path / "die"
     assert main([*command, "--out", str(folder)]) == 0

@@ -9,6 +9,7 @@ import numpy as np
 import pygltflib
 import pytest
 import trimesh
+from common.paths import public_data
 from trimesh.visual.material import PBRMaterial
 
 from dicedesign import read_body, rest_poses
@@ -142,3 +143,16 @@ def test_outputs_have_default_names(
     assert abs(read_body("box_posed.stl").points[:, 2].min()) < 1e-6
     assert main(["pose", "box.stl", str(egg), "--jobs", "1"]) == 0
     assert {path.name for path in Path("posed").iterdir()} == {"box.stl", "egg.glb"}
+
+
+def test_a_quantized_mesh_is_posed_in_its_size(tmp_path: Path) -> None:
+    """trimesh would take its integers for lengths."""
+    posed = []
+    for name in ("quantized", "reference_float"):
+        out = tmp_path / "posed.glb"
+        assert main(["pose", str(public_data(f"cases/15_{name}.glb")), "--out", str(out)]) == 0
+        posed.append(read_body(out))
+    heights = [body.points[:, 2].max() for body in posed]
+    assert heights[0] == pytest.approx(heights[1], rel=1e-3)
+    probabilities = [rest_poses(body).probabilities for body in posed]
+    np.testing.assert_allclose(*probabilities, atol=1e-5)

@@ -27,7 +27,9 @@ def test_an_open_mesh_becomes_a_surface_of_the_same_solid(
 ) -> None:
     monkeypatch.setattr("dicedesign.geometry.surfaces.repair.CELLS", 40)
     original = bumpy_sphere(2)
-    broken = write_obj(tmp_path / "broken.obj", original.points, original.triangles[5:])
+    # A sheet inside makes it more than a surface with a hole.
+    triangles = np.vstack([original.triangles[5:], [[0, 50, 100]]])
+    broken = write_obj(tmp_path / "broken.obj", original.points, triangles)
     out = tmp_path / "whole.glb"
     assert main(["repair", str(broken), str(out)]) == 0
     captured = capsys.readouterr()

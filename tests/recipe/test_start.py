@@ -102,7 +102,9 @@ def test_a_die_of_an_open_mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     search.leads_nowhere = True
     monkeypatch.setattr("dicedesign.recipe.concave.make_concave_die", search)
     whole = bumpy_sphere(1)
-    recipe = repaired_recipe(tmp_path / "open.obj", Surface(whole.points, whole.triangles[2:]))
+    # A sheet inside makes it more than a surface with a hole.
+    triangles = np.vstack([whole.triangles[2:], [[0, 20, 40]]])
+    recipe = repaired_recipe(tmp_path / "open.obj", Surface(whole.points, triangles))
     result = run(recipe, tmp_path / "out")
     repair = result.concave.repair
     assert (repair.pieces, repair.handles, repair.handles_before) == (1, 0, None)

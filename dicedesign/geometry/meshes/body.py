@@ -4,6 +4,7 @@ with its shells consistently oriented; and its center of mass."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -74,6 +75,11 @@ class Body:
         """Surface of a body that came as a mesh."""
         assert self.triangles is not None
         return Surface(self.points, self.triangles)
+
+    @cached_property
+    def shells(self) -> Integers:
+        """(t,) connected part of each triangle, see `shells_of`; none for a point cloud."""
+        return np.zeros(0, np.int64) if self.triangles is None else shells_of(self.triangles)
 
 
 def make_body(
@@ -339,16 +345,15 @@ def _agreeing(triangles: Integers) -> tuple[Integers, Integers]:
     return oriented, np.unique(np.minimum(first_parts, turned), return_inverse=True)[1]
 
 
-def orient_shells(points: Floats, triangles: Integers) -> tuple[Integers, int]:
+def orient_shells(points: Floats, triangles: Integers, shell: Integers) -> tuple[Integers, int]:
     """Turn the shells that lie beside others and are oriented against them.
 
     The largest shell counts as a body. A shell of the opposite orientation is a cavity inside a
     body, and is turned where it is outside all of them.
 
-    points: (n, 3); triangles: (t, 3) of a closed oriented surface (see `is_closed`). Returns the
-    triangles in their order, some reversed, and the number of shells turned.
+    points: (n, 3); triangles: (t, 3) of a closed oriented surface (see `is_closed`); shell: (t,) of
+    each. Returns the triangles in their order, some reversed, and the number of shells turned.
     """
-    shell = shells_of(triangles)
     if not shell.any():
         return triangles, 0
     offsets = points - points.mean(axis=0)
@@ -451,7 +456,7 @@ def solid_triangles(body: Body) -> tuple[Integers, tuple[str, ...]] | None:
     if closed is None:
         return None
     triangles, notes = closed
-    triangles, turned = orient_shells(body.points, triangles)
+    triangles, turned = orient_shells(body.points, triangles, body.shells)
     if turned > 0:
         notes += (f"turned {turned} shells that lie beside others and were oriented against them",)
     return triangles, notes

@@ -22,7 +22,7 @@ import numpy as np
 
 from dicedesign.errors import DiceError, MeshFileError
 from dicedesign.geometry.meshes.body import Body, is_rounded, make_body
-from dicedesign.geometry.meshes.reading import EXPORT_AGAIN, QUOTED
+from dicedesign.geometry.meshes.parsing import EXPORT_AGAIN, QUOTED
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
 

@@ -38,15 +38,15 @@ if TYPE_CHECKING:
 ROBOT_ENDINGS = frozenset([".urdf", ".xml", ".mjcf"])
 
 
-def list_bodies(path: Path, item: int | None = None) -> list[NamedBody]:
+def list_bodies(path: Path, item: int | None = None, keep_largest: bool = False) -> list[NamedBody]:
     """Bodies of a mesh file, of which a 3MF file may have several, or of a robot. Links without
     shapes are left out. A file that cannot be read is one body, which raises when it is read.
 
-    item: the only one of a mesh file that is wanted, see `read_body`.
+    item, keep_largest: of a mesh file, see `read_body`.
     """
     suffix = path.suffix.lower()
-    if item is not None or suffix not in (*ROBOT_ENDINGS, THREE_MF):
-        return [NamedBody("", partial(read_body, path, item))]
+    if item is not None or keep_largest or suffix not in (*ROBOT_ENDINGS, THREE_MF):
+        return [NamedBody("", partial(read_body, path, item, keep_largest=keep_largest))]
 
     def fail(error: Exception) -> Body:
         raise error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable
 from typing import Any
 
@@ -72,16 +73,18 @@ class GridValues:
         """function: maps places (n, 3) to values (n,); low, high: (3,) corners of a box; spacing:
         of the grid, positive."""
         self._grid = (*low.tolist(), *high.tolist()), spacing
-        nodes: list[tuple[float, ...]] = []
+        # A list of places would take ten times as much memory.
+        numbers = array("d")
 
         def record(*place: float) -> float:
-            nodes.append(place)
+            numbers.extend(place)
             return -1.0
 
         # It calls a function once for each node, and in the same order each time.
         Manifold.level_set(record, *self._grid)
-        self.nodes = np.array(nodes)
-        self.values = function(self.nodes)
+        self.nodes = np.frombuffer(numbers).reshape(-1, 3)
+        parts = np.array_split(self.nodes, 1 + len(self.nodes) // MAX_PLACES)
+        self.values = np.concatenate([function(part) for part in parts])
         self.cell = float(spacing * NODES_PER_CUBE ** (-1.0 / 3.0))
 
     def above(self, level: float) -> Surface:
@@ -93,7 +96,7 @@ class GridValues:
         """
         values, tree = self.values - level, None
         while True:
-            rest = iter(values.tolist())
+            rest = iter(memoryview(values.data))
             surface = mesh_of(Manifold.level_set(lambda *_, rest=rest: next(rest), *self._grid))
             # manifold3d has such a point once for each sheet.
             places, count = np.unique(surface.points, axis=0, return_counts=True)
@@ -103,6 +106,9 @@ class GridValues:
             beside = tree.query_ball_point(places[count > 1], MEETING * self._grid[1])
             values[np.concatenate(beside).astype(np.int64)] = values.min()
 
+
+MAX_PLACES = 200_000
+"""Nodes whose values are computed at once."""
 
 MEETING = 0.75
 """Distance, in spacings of the grid, of nodes from a point where sheets meet that count as

@@ -19,6 +19,7 @@ from dicedesign.geometry.surfaces.grid_surface import (
     distances_from_surface,
     winding_numbers,
 )
+from dicedesign.geometry.surfaces.holes import fill_holes
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_keys, surface_of
 from dicedesign.results.parts import Repair
 from dicedesign.runtime.arrays import Floats, Integers
@@ -36,8 +37,9 @@ BESIDE = 0.02
 """Distance from a triangle, in grid steps, at which both of its sides are tested for being
 inside."""
 
-BORDER = 2.5
-"""Grid steps beyond the box on each side."""
+BORDERS = (2.13, 2.41)
+"""Grid steps beyond the box on its low and high sides, such that no nodes are on faces along the
+axes, where it is chance whether they are inside."""
 
 THIN = 0.01
 """Thickness over the longest side below which a part is thin, as nodes of the grid may miss it."""
@@ -85,8 +87,9 @@ class WoundSolid:
     def surface(self) -> Surface:
         """All surfaces of the solid, to the accuracy of the grid; no two meet, and there are none
         where no node is inside."""
-        points, border = self.triangles.points, BORDER * self.spacing
-        low, high = points.min(axis=0) - border, points.max(axis=0) + border
+        points, (below, above) = self.triangles.points, BORDERS
+        low = points.min(axis=0) - below * self.spacing
+        high = points.max(axis=0) + above * self.spacing
         return GridValues(self.depths, low, high, self.spacing).above(0.0)
 
     def _thin_parts(self) -> Surface:
@@ -319,11 +322,12 @@ def input_surface(
     ----------
     body: a mesh of any size.
     points: most of them, at least 4.
-    repair: whether to repair a mesh that does not bound one solid (`repair_mesh`).
+    repair: whether to repair a mesh that does not bound one solid, by `fill_holes` if that is
+        enough, or else by `repair_mesh`.
 
     Returns
     -------
-    The surface; what was done, one sentence each; and the repair, where one was made.
+    The surface; what was done, one sentence each; and the repair by `repair_mesh`, if any.
 
     Raises
     ------
@@ -333,14 +337,19 @@ def input_surface(
     repaired = None
     try:
         surface, notes = _take_as_is(body, points)
+        if repair:
+            notes += ("the mesh needed no repair",)
     except InputError:
         if not repair:
             raise
-        repaired = repair_mesh(body)
-        surface, notes = repaired.surface, repaired.notes
-    else:
-        if repair:
-            notes += ("the mesh needed no repair",)
+        filled = fill_holes(body)
+        try:
+            if filled is None:
+                raise
+            surface, notes = _take_as_is(filled, points)
+        except InputError:
+            repaired = repair_mesh(body)
+            surface, notes = repaired.surface, repaired.notes
     if len(surface.points) > points:
         surface, note = decimate(surface, points)
         notes += (note,)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -119,6 +123,61 @@ def test_thin_parts_are_thickened() -> None:
     assert repaired.numbers.off_largest < 1.2 * cell
     assert 0.4 < repaired.numbers.thin < 0.6  # both sides of the blades, as far as they stick out
     assert repaired.numbers.missed_largest < 1.5 * cell
+
+
+@pytest.mark.parametrize(
+    ("whole", "missing"),
+    [
+        (trimesh.creation.box(), 1),
+        (trimesh.creation.box((1.0, 2.0, 3.0)), 3),
+        (trimesh.creation.box().subdivide().subdivide(), 12),
+        (trimesh.creation.icosphere(3), 60),
+        (trimesh.creation.torus(2.0, 0.5), 40),
+        (trimesh.creation.cylinder(1.0, 2.0), 12),
+    ],
+)
+def test_missing_triangles_are_filled_without_moving_a_point(
+    whole: trimesh.Trimesh, missing: int
+) -> None:
+    for seed in range(3):
+        lost = np.random.default_rng(seed).choice(len(whole.faces), missing, replace=False)
+        body = body_of(np.array(whole.vertices), np.delete(np.array(whole.faces), lost, axis=0))
+        surface, _, repaired = input_surface(body, 100_000, repair=True)
+        assert repaired is None
+        assert len(surface.triangles) == len(whole.faces)
+        np.testing.assert_array_equal(surface.points, body.points)
+        kept = len(body.triangles)
+        np.testing.assert_array_equal(surface.triangles[:kept], body.triangles)
+        assert surface.volume == pytest.approx(whole.volume)
+
+
+def test_a_missing_wall_is_a_flat_polygon() -> None:
+    """The lid of a prism over an L, whose 6 corners lie in one hole."""
+    corners = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+    points = np.array([(x, y, z) for z in (0, 2) for x, y in corners], dtype=float)
+    sides = [(i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6) for i in range(6)]
+    walls = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+    floor = [(0, k + 1, k) for k in range(1, 5)]
+    surface, _, repaired = input_surface(body_of(points, np.array(walls + floor)), repair=True)
+    assert repaired is None
+    assert surface.volume == pytest.approx(6.0)
+
+
+@pytest.mark.full
+def test_a_repair_takes_little_memory(tmp_path: Path) -> None:
+    """10,240 triangles of a cube and a ball that overlap, which fill the grid."""
+    box = trimesh.creation.box((3.0, 3.0, 3.0)).subdivide().subdivide().subdivide().subdivide()
+    ball = trimesh.creation.icosphere(4, radius=1.9)
+    trimesh.util.concatenate([box, ball]).export(tmp_path / "a.stl")
+    script = """
+import resource
+from dicedesign.cli.main import main
+assert main(["repair", "a.stl", "b.stl"]) == 0
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert int(done.stdout.split()[-1]) < 300_000
 
 
 def large() -> Surface:
