@@ -70,6 +70,8 @@ class BestCenter:
     wanted: (c,) probabilities, or None if the goal has none.
     reached: whether the goal is reached.
     clearance: distance to the nearest center at which a rest appears or vanishes.
+    rests_at_least: number of rests that every center in the region has at least, as far as
+        `FewestRests` has proven; 1 for other goals.
     """
 
     goal: Goal
@@ -79,6 +81,7 @@ class BestCenter:
     wanted: Floats | None
     reached: bool
     clearance: float
+    rests_at_least: int
 
     @property
     def center(self) -> Floats:
@@ -130,28 +133,30 @@ def best_center(
 
     Points that fill the region are evaluated, and descents start at the best: Levenberg-Marquardt
     steps by gradients of the probabilities, and steps along the axes at jumps. Fewest rests are
-    found by linear programs (`fewest_rests`).
+    found by branch and bound (`fewest_rests`).
 
     Parameters
     ----------
     poses: of the original body.
     goal: wanted probabilities.
-    region: allowed centers of mass, inside of the body's hull; None for all, `whole_hull`.
+    region: allowed centers of mass, inside of the body's hull; None for the hull for `FewestRests`,
+        else `whole_hull`.
     tolerance: largest difference of probabilities with which a goal is reached.
-    options: effort of the search.
+    options: effort of the search, unless for `FewestRests`.
 
-    Raises InputError if the body has no such pose.
+    Raises InputError if the body has no such pose, or the region is empty.
     """
-    search = _CenterSearch(poses, region or whole_hull(poses.hull), options or CenterSearch())
-    hull, stability, wanted = poses.hull, search.stability, None
+    hull, stability = poses.hull, Stability(poses.hull)
+    wanted, bound = None, 1
     if isinstance(goal, FewestRests):
-        counts = np.array([stability.count(center) for center in search.samples], np.float64)
-        starts = search.apart(counts)
-        center = fewest_rests(stability, search.within, starts, search.options.steps)
+        center, bound = fewest_rests(stability, Halfspaces.of_hull(region or hull))
         now = analyze(hull, center)
         directions = now.normals
         reached = len(now.facets) < len(poses.facets) or len(now.facets) == 1
     else:
+        search = _CenterSearch(
+            poses, stability, region or whole_hull(hull), options or CenterSearch()
+        )
         objective = objective_of(goal, poses)
         center = search.serving(objective, isinstance(goal, EqualProbabilities), tolerance)
         if isinstance(goal, Standing) and stability.count(center) == 1:
@@ -167,21 +172,22 @@ def best_center(
             error = np.abs(served.probabilities - served.wanted).max()
             reached = len(wanted) == len(served.wanted) and bool(error <= tolerance)
     clearance = stability.clearance(center)
-    return BestCenter(goal, poses, now, directions, wanted, reached, clearance)
+    return BestCenter(goal, poses, now, directions, wanted, reached, clearance, bound)
 
 
 class _CenterSearch:
     """Search for the center of mass of one body in one region."""
 
-    def __init__(self, poses: RestPoses, region: ConvexHull, options: CenterSearch) -> None:
-        self.hull = poses.hull
+    def __init__(
+        self, poses: RestPoses, stability: Stability, region: ConvexHull, options: CenterSearch
+    ) -> None:
+        self.hull, self.stability = poses.hull, stability
         self.options = options = options.for_corners(len(poses.hull.vertices))
         self.within = Halfspaces.of_hull(region)
         starts = [region.centroid[None], points_within(region, options.samples)]
         if (self.within.heights(poses.center_of_mass) >= 0.0).all():
             starts.insert(0, poses.center_of_mass[None])
         self.samples = np.concatenate(starts)
-        self.stability = Stability(self.hull)
 
     def serving(self, objective: Objective, shared: bool, tolerance: float) -> Floats:
         """Center of mass with the smallest residuals.
@@ -277,6 +283,7 @@ class Balanced(BestCenter):
             "max_abs_error": self.error,
             "rests_before": self.rests_before,
             "rests": self.rests,
+            "rests_at_least": self.rests_at_least,
             "center_before_mm": self.center_before.tolist(),
             "center_wanted_mm": self.center_wanted.tolist(),
             "center_mm": self.center.tolist(),
@@ -379,6 +386,16 @@ def _balance(
                 raise
     # From here on by the files.
     now = rest_poses(moved.body, moved.center)
+    notes += moved.notes
+    farther = {"cavity": "a thinner wall_mm", "infill": "a larger difference of infills"}[way]
+    missed = f"no center of mass within reach has the goal; {farther} reaches farther"
+    if isinstance(goal, FewestRests):
+        proof = f"a center of mass within reach has at least {best.rests_at_least} rests"
+        if best.rests > best.rests_at_least:
+            proof += f" and may have fewer than the {best.rests} that were found"
+        notes += (proof,)
+    else:
+        missed += ", and three coordinates control at most three probabilities"
     balanced = Balanced(
         goal=goal,
         poses_before=poses,
@@ -387,20 +404,17 @@ def _balance(
         wanted=best.wanted,
         reached=best.reached,
         clearance=best.clearance,
+        rests_at_least=best.rests_at_least,
         by=way,
         center_wanted=best.center,
         made=moved,
-        notes=(*notes, *moved.notes),
+        notes=notes,
     )
     most = max(options.tolerance, FILE_PROBABILITIES)
     if best.wanted is None:
         most += best.shortfall
     if not best.reached:
-        farther = {"cavity": "a thinner wall_mm", "infill": "a larger difference of infills"}[way]
-        advice = (
-            f"no center of mass within reach has the goal; {farther} reaches farther, and three "
-            "coordinates control at most three probabilities"
-        )
+        advice = missed
     elif balanced.shortfall > most:
         advice = (
             "the file has other probabilities than its center of mass was chosen for: an edge of a "

@@ -8,6 +8,7 @@ such a plane.
 
 from __future__ import annotations
 
+import heapq
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,16 +16,16 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import qmc
 
-from dicedesign.errors import DegenerateBodyError
+from dicedesign.errors import DegenerateBodyError, InputError
 from dicedesign.geometry.hulls.hull import (
     ConvexHull,
     convex_hull,
     deepest_point,
     polyhedron_corners,
 )
-from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.geometry.sphere import even_directions, norms, unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,57 +174,125 @@ class Stability:
         return Halfspaces(-self.sides.normals[edges], -self.sides.offsets[edges] - clearance)
 
 
-LEAST_DEPTH = 1e-9
-"""Least distance of a center of mass beyond a side, relative to the diameter of the hull."""
+LEAST_DEPTH = 1e-7
+"""Least distance of a center of mass beyond a side, relative to the diameter of the hull. Rounding
+a file to single precision moves the center by about as much."""
+
+DEEPER = 1.1
+"""Factor by which a center of mass must be farther beyond sides to replace another."""
+
+MAX_DISTANCES = 200_000_000
+"""Number of distances of corners from sides at which a search stops, after some seconds."""
+
+MAX_FIRST_DISTANCES = 20_000_000
+"""Number of distances of a whole region above which a polyhedron inside of it is searched."""
 
 
-def fewest_rests(stability: Stability, within: Halfspaces, centers: Floats, steps: int) -> Floats:
-    """Center of mass with fewest rests in a greedy search from starts (n, 3).
+def fewest_rests(stability: Stability, within: Halfspaces) -> tuple[Floats, int]:
+    """Center of mass with fewest rests in a bounded region, and a lower bound of their number,
+    which is that number unless the search stopped at `MAX_DISTANCES`.
 
-    From each start, one resting facet after the other is made unstable: the center of mass moves
-    beyond one of its sides, and stays beyond a side of each facet that is no rest. A linear program
-    for each side, nearest sides first, finds the center farthest beyond. The result need not be the
-    global minimum.
+    A facet is no rest if the center is beyond one of its sides by `LEAST_DEPTH`. Among centers with
+    equally few rests, one far beyond such sides is chosen.
 
-    within: region of the center of mass; steps: largest number of facets for each start.
+    Raises InputError for an empty region.
     """
-    best, fewest = centers[0], len(stability.hull.normals) + 1
-    for center in centers:
-        for _ in range(steps):
-            following = _one_less(stability, within, center)
-            if following is None:
-                break
-            center = following
-        count = stability.count(center)
-        if count < fewest:
-            best, fewest = center, count
-        if fewest == 1:
-            break
-    return steadiest(stability, within, best)
+    facets, depth = len(stability.hull.normals), LEAST_DEPTH * stability.hull.diameter
+    center, bound = _divide(stability, within, depth, range(1, facets + 1))
+    if center is None:
+        raise InputError(
+            "region: expected a center of mass within the hull, got none; enlarge the region"
+        )
+    while True:
+        center = steadiest(stability, within, center)
+        room = within.and_within(stability.without_new_rests(center))
+        count, depth = stability.count(center), DEEPER * float(room.heights(center).min())
+        deeper, _ = _divide(stability, within, depth, range(count, count + 1))
+        if deeper is None:
+            return center, min(bound, count)
+        center = deeper
+
+
+def _divide(
+    stability: Stability, within: Halfspaces, depth: float, counts: range
+) -> tuple[Floats | None, int]:
+    """Center of mass with fewest rests and a lower bound of their number, by branch and bound: the
+    region is divided along sides.
+
+    depth: least distance of the center from the planes of the region, and beyond a side of each
+    facet that is no rest. counts: the search stops at the first number, and finds none, None, above
+    the last.
+    """
+    region = Halfspaces(within.normals, within.offsets - depth).corners()
+    if region is None:
+        return None, 1
+    sides, facet, facets = stability.sides, stability.hull.facet, len(stability.hull.normals)
+    max_corners = MAX_FIRST_DISTANCES // len(facet)
+    is_whole = len(region.vertices) <= max_corners
+    if not is_whole:
+        extremes = np.argmax(region.vertices @ even_directions(max_corners).T, axis=0)
+        region = convex_hull(region.vertices[np.unique(extremes)])
+    best, most, distances = None, counts[-1], 0
+    # Twice the certain rests and the other rests at the middle, the least first; minus a serial
+    # number; certain rests; half-edge to cut along; corners, whether each is on each plane, and
+    # undecided half-edges.
+    parts: list[tuple[int, int, int, int, Floats, Booleans, Integers]] = []
+
+    def of_facets(edges: Integers) -> Integers:
+        return np.bincount(facet[edges], minlength=facets)
+
+    def add(certain: int, corners: Floats, planes: Booleans, edges: Integers) -> None:
+        nonlocal best, most, distances
+        distances += len(corners) * len(edges)
+        heights = sides.offsets[edges] - corners @ sides.normals[edges].T
+        lowest, highest = heights.min(axis=0), heights.max(axis=0)
+        # A part that was cut along a side ends there to within rounding.
+        is_open = lowest < -1.01 * depth
+        choices = of_facets(edges[is_open])
+        certain += int(((of_facets(edges) > 0) & (choices == 0)).sum())
+        undecided = (choices > 0) & (of_facets(edges[highest < -0.99 * depth]) == 0)
+        is_rest = undecided & (of_facets(edges[heights.mean(axis=0) < -depth]) == 0)
+        count = certain + int(is_rest.sum())
+        if count <= most:
+            best, most = corners.mean(axis=0), count - 1
+        left = np.flatnonzero(is_open & undecided[facet[edges]])
+        if len(left) > 0 and certain <= most:
+            evenness = np.minimum(highest, -lowest)[left]
+            edges = edges[left]
+            cut = int(edges[np.lexsort((-evenness, choices[facet[edges]]))[0]])
+            entry = certain + count, -distances, certain, cut, corners, planes, edges
+            heapq.heappush(parts, entry)
+
+    planes = np.zeros((len(region.vertices), len(region.normals)), bool)
+    planes[region.tail, region.facet] = True
+    add(0, region.vertices, planes, np.arange(len(facet)))
+    while parts and most >= counts[0] and distances < MAX_DISTANCES:
+        _, _, certain, cut, corners, planes, edges = heapq.heappop(parts)
+        if certain > most:
+            continue
+        heights = sides.offsets[cut] - corners @ sides.normals[cut] + depth
+        halves = np.flatnonzero(heights < 0.0), np.flatnonzero(heights >= 0.0)
+        # Two corners on two common planes are the ends of an edge.
+        common = planes[halves[0]].astype(np.float32) @ planes[halves[1]].T
+        below, above = (half[k] for half, k in zip(halves, np.nonzero(common > 1.0), strict=True))
+        part = (heights[below] / (heights[below] - heights[above]))[:, None]
+        new = corners[below] + part * (corners[above] - corners[below])
+        on_new = np.column_stack([planes[below] & planes[above], np.ones(len(new), bool)])
+        for half in halves:
+            on_half = np.vstack([np.pad(planes[half], ((0, 0), (0, 1))), on_new])
+            half_corners = np.vstack([corners[half], new])
+            add(certain, half_corners, on_half[:, on_half.any(axis=0)], edges)
+    bound = min([most + 1, *(entry[2] for entry in parts)])
+    return best, max(bound, 1) if is_whole else 1
 
 
 def steadiest(stability: Stability, within: Halfspaces, center: Floats) -> Floats:
     """Center of mass farthest from where a rest appears, among those without other rests than a
     center (3,) has."""
-    place, depth = within.and_within(stability.without_new_rests(center)).deepest
-    is_deeper = 0.0 < depth < np.inf and stability.count(place) <= stability.count(center)
-    return place if is_deeper else center
-
-
-def _one_less(stability: Stability, within: Halfspaces, center: Floats) -> Floats | None:
-    """Center of mass with one rest less and no new rest; None if there is none."""
-    hull = stability.hull
-    is_rest = stability.outermost(center)[1] > 0.0
-    if is_rest.sum() == 1:
-        return None
     room = within.and_within(stability.without_new_rests(center))
-    heights = stability.sides.heights(center)
-    own = np.flatnonzero(is_rest[hull.facet])
-    for edge in own[np.argsort(heights[own], kind="stable")]:
-        place, depth = room.and_within(stability.beyond(np.array([edge]))).deepest
-        if LEAST_DEPTH * hull.diameter < depth < np.inf:
-            return place
-    return None
+    place = room.deepest[0]
+    is_deeper = room.heights(place).min() > room.heights(center).min()
+    return place if is_deeper and stability.count(place) <= stability.count(center) else center
 
 
 INSIDE = 0.95

@@ -377,9 +377,11 @@ def _print_balance(mesh: Path, result: Balanced) -> None:
     """Print the outcome, the centers of mass, and the probabilities of the files beside the
     goal."""
     goal = "goal reached" if result.reached else "goal not reached"
+    is_least = result.rests == result.rests_at_least
+    least = ", the fewest possible within reach" if is_least else ""
     print(
         f"{printable(mesh)}: {goal} by {result.by}; {result.rests_before} resting poses before, "
-        f"{result.rests} now"
+        f"{result.rests} now{least}"
     )
     if result.wanted is None and len(result.directions) == 1:
         others = angle_between(result.poses.normals, result.directions[0]) > SAME_REST_ANGLE

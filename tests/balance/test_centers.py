@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -89,17 +90,55 @@ def test_a_standing_cube_has_the_solid_angle_of_its_face() -> None:
     assert best.reached
 
 
-def test_no_center_of_a_grid_has_fewer_rests() -> None:
-    poses = rest_poses(box((1.0, 1.2, 2.5), (1.6, 0.7, 0.0)).points)
-    region = whole_hull(poses.hull)
-    best = best_center(poses, FewestRests(), region, 1e-3, QUICK)
-    low, high = region.vertices.min(axis=0), region.vertices.max(axis=0)
-    grid = np.stack(np.meshgrid(*np.linspace(low, high, 8).T), axis=-1).reshape(-1, 3)
-    inside = grid[(region.depths(grid) > 1e-9).all(axis=1)]
-    counts = [len(rest_poses(poses.hull.vertices, center).facets) for center in inside]
-    assert best.rests <= min(counts) < len(poses.facets)
-    assert len(rest_poses(poses.hull.vertices, best.center).facets) == best.rests
-    assert best.clearance > 0.0
+def random_tetrahedra(loadable: bool, count: int, seed: int) -> list[np.ndarray]:
+    """Random tetrahedra with or without a path of three obtuse dihedral angles over all faces.
+
+    These, and no others, rest on one face alone with some center of mass. Source: Almádi, Dawson
+    and Domokos, Building a monostable tetrahedron (2025).
+    """
+    found, rng = [], np.random.default_rng(seed)
+    while len(found) < count:
+        points = rng.normal(size=(4, 3))
+        # Gradients of barycentric coordinates point away from faces.
+        inward = np.linalg.inv(np.column_stack([points, np.ones(4)]))[:3].T
+        is_obtuse = inward @ inward.T > 0.0
+        orders = itertools.permutations(range(4))
+        if loadable == any(all(is_obtuse[pair] for pair in itertools.pairwise(q)) for q in orders):
+            found.append(points)
+    return found
+
+
+@pytest.mark.parametrize("loadable", [True, False])
+def test_tetrahedra_with_an_obtuse_path_rest_in_one_way(loadable: bool) -> None:
+    tetrahedra = random_tetrahedra(loadable, 20, 1)
+    if loadable:
+        tetrahedra.append(read_body(public_data("cases/09_loadable_tetrahedron.stl")).points)
+    for points in tetrahedra:
+        best = best_center(rest_poses(points), FewestRests())
+        assert best.rests == len(rest_poses(points, best.center).facets) == best.rests_at_least
+        assert (best.rests == 1) == loadable
+        assert best.clearance > 0.0
+
+
+@pytest.mark.parametrize("reach", [1.0, 0.4])
+@pytest.mark.parametrize("count", [6, 9, 20])
+def test_no_random_center_has_fewer_rests(
+    count: int, reach: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(count)
+    poses = rest_poses(rng.normal(size=(count, 3)))
+    hull = poses.hull
+    region = convex_hull(hull.centroid + reach * (hull.vertices - hull.centroid))
+    best = best_center(poses, FewestRests(), region)
+    assert (region.heights(best.center) >= 0.0).all()
+    weights = rng.dirichlet(np.full(len(region.vertices), 0.3), 500)
+    for center in weights @ region.vertices:
+        assert len(rest_poses(hull.vertices, center).facets) >= best.rests
+    assert best.rests_at_least == best.rests
+    # A search that ends at once has no proof.
+    monkeypatch.setattr("dicedesign.balance.regions.MAX_DISTANCES", 0)
+    unproven = best_center(poses, FewestRests(), region)
+    assert unproven.rests_at_least <= best.rests <= unproven.rests
 
 
 @pytest.mark.parametrize(
