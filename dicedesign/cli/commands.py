@@ -65,10 +65,9 @@ class WithItem(Command):
 @dataclass(kw_only=True)
 class WithRests(WithItem):
     help_text = """Options:
-    com (x,y,z|hull): center of mass in the mesh's unit, or hull: the center of the uniform convex
-        hull (default: the center of the uniform solid; hull for point clouds and open meshes)
-    coplanar_tolerance (T): merge hull triangles within this distance of one plane, relative to the
-        body's half extent (default: 1e-11; 2e-6 for rounded coordinates such as STL)"""
+    com (x,y,z|hull): center of mass, or hull: that of the uniform convex hull (default: of the
+        uniform solid; hull for point clouds and open meshes)
+    coplanar_tolerance (T): merge hull triangles this near to one plane, over half the extent"""
     com: str | None = None
     coplanar_tolerance: float | None = None
 
@@ -77,9 +76,9 @@ class WithRests(WithItem):
 class WithBody(WithRests, WithJson):
     help_text = """Options:
     mesh (MESH): STL, OBJ, PLY, OFF, GLB, XYZ, ...
-    part (FILE:DENSITY): a closed mesh inside MESH with its own density, relative to MESH; 0 is a
-        cavity; may be repeated, the last one wins where parts overlap
-    largest_part: leave out all but the largest connected part of MESH and what is within it"""
+    part (FILE:DENSITY): a closed mesh inside MESH, density relative to MESH, 0 for a cavity; may be
+        repeated, the last counts
+    largest_part: leave out all but the largest part and what is within it"""
     part: tuple[str, ...] = ()
     largest_part: bool = False
 
@@ -183,14 +182,13 @@ class RestArguments(WithBody, WithWorkers):
     density (D): in g/cm3, for the mass and inertia of bodies without a mass
     masses (FILE.csv): columns file and x,y,z (center of mass) or density
     all_facets: list unstable facets too, with the rest they roll to
-    table (NAME|FILE.json): of a mesh: add probabilities for throws onto this table by the momentum
-        model: board-game, hard-wood, paper, carpet or a table file; a throw distribution follows a
-        colon, as in board-game:cup
+    table (NAME|FILE.json): of a mesh: add probabilities for throws onto board-game, hard-wood,
+        paper, carpet or a table file; a throw distribution follows a colon: board-game:cup
     prior (PRIOR): of a mesh: distribution of the direction down at release (default: uniform):
         vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:DEGREES or samples:FILE.csv
     figure (FILE.png): draw the Morse-Smale complex
     out (TABLE): table to write or resume, .csv, .json or .parquet (needs the extra 'parquet')
-    jobs (J): of a table: parallel processes (default: one per core, or per cluster thread)
+    jobs (J): of a table: parallel processes (default: one per core)
 
     Example: dicedesign rest die.stl --table board-game"""
 

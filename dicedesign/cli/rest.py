@@ -60,7 +60,8 @@ def list_rests(options: RestArguments) -> int:
     for mesh, source in bodies:
         label = {"file": str(mesh)} | ({"body": source.name} if source.name else {})
         try:
-            with named(f"{mesh}: {source.name}") if source.name else nullcontext():
+            name = f"link {source.name}" if mesh.suffix.lower() in ROBOT_ENDINGS else source.name
+            with named(f"{mesh}: {name}") if source.name else nullcontext():
                 record, text = _describe_body(options, settings, mesh, source)
         except DiceError as error:
             if len(bodies) == 1:

@@ -31,6 +31,7 @@ from dicedesign.batch.rest_table import (
     table_format,
 )
 from dicedesign.errors import InputError, OutputError
+from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.robots import bodies
 from dicedesign.rest.poses import rest_poses
@@ -192,9 +193,11 @@ def test_broken_files_and_odd_names_have_rows(
     ):
         (meshes / name).write_bytes(content)
     (meshes / "far.stl").symlink_to(meshes / "gone.stl")
-    monkeypatch.setattr(
-        bodies, "read_body", lambda path: 1 // 0 if path.name == "ours.obj" else read_body(path)
-    )
+
+    def read(path: Path, *_: object, **__: object) -> Body:
+        return read_body(path) if path.name != "ours.obj" else 1 // 0
+
+    monkeypatch.setattr(bodies, "read_body", read)
     entries = analyze(meshes)
     path = tmp_path / f"t.{ending}"
     RestTable(path, entries)

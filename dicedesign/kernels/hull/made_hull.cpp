@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t MOST_POINTS = std::numeric_limits<std::int32_t>::max() / 32;
 
-// Points moved to the middle and scaled by a power of two, so that no coordinate exceeds 1: without
+// Points moved to the middle and scaled so that no coordinate exceeds 1: by powers of two without
 // rounding, or to multiples of 2^-51, where points that differ by rounding alone become one.
 struct PlacedPoints {
     PlacedPoints(const Vec* given, std::size_t count, bool exact)
@@ -24,31 +24,32 @@ struct PlacedPoints {
         const Bounds bounds(given, count);
         // Halved before they are added: the sum of two large ones is no double.
         const Vec middle = 0.5 * bounds.lower + 0.5 * bounds.upper;
-        const double reach = bounds.reach(middle);
-        valid = bounds.finite && reach >= std::numeric_limits<double>::min();
+        unit = reach_ = bounds.reach(middle);
+        magnitude_ = bounds.magnitude();
+        valid = bounds.finite && reach_ >= std::numeric_limits<double>::min();
         if (!valid) return;
-        move_near(middle, reach, exact);
-        const Bounds moved(points.data(), count);
-        std::frexp(moved.magnitude(), &exponent);
-        const PowerOfTwo shrink(-exponent);
-        for (Vec& p : points) p = exact ? shrink(p) : on_grid(shrink(p));
-        scale = shrink(reach);
-        magnitude = shrink(bounds.magnitude());
-        valid = !exact || has_no_tiny_digits();
+        if (exact) {
+            move_near(middle);
+            shrink();
+            valid = has_no_tiny_digits();
+        } else {
+            for (Vec& p : points) p = on_grid(divided(p - middle));
+        }
         sort();
     }
 
-    // Length within which points are coplanar, of the scaled points.
+    // Over the unit.
+    Vec divided(const Vec& a) const { return {a.x / unit, a.y / unit, a.z / unit}; }
+
+    // Length within which points are coplanar, in units.
     double length(double coplanar_tolerance, double precision) const {
-        return coplanar_tolerance * scale + 4.0 * precision * magnitude;
+        return coplanar_tolerance * (reach_ / unit) + 4.0 * precision * (magnitude_ / unit);
     }
 
     std::vector<Vec> points;
     std::vector<int> number;  // in which row a point was given
-    int exponent = 0;
-    double scale = 0.0;      // half the extent,
-    double magnitude = 0.0;  // and the largest coordinate that was given, of the scaled points
-    bool valid;              // finite and not all in one place, and of digits that products keep
+    double unit;              // the given length that is 1 here
+    bool valid;               // finite and not all in one place, and of digits that products keep
 
 private:
     // Numbers from 2 to 4 have no finer digits.
@@ -56,29 +57,35 @@ private:
         return {(p.x + 3.0) - 3.0, (p.y + 3.0) - 3.0, (p.z + 3.0) - 3.0};
     }
 
-    // By whole steps that are large beside the digits of most points; exactly or not at all if so
-    // wanted.
-    void move_near(const Vec& middle, double reach, bool exact) {
+    // By whole steps that are large beside the digits of most points, if that is exact.
+    void move_near(const Vec& middle) {
         int size;
-        std::frexp(reach, &size);
+        std::frexp(reach_, &size);
         const double grid = std::ldexp(1.0, size - 8);
         const auto rounded = [grid](double x) { return std::nearbyint(x / grid) * grid; };
         const Vec shift{rounded(middle.x), rounded(middle.y), rounded(middle.z)};
-        if (largest(absolute(shift)) == 0.0) return;
         const auto stays_exact = [&shift](const Vec& p) {
             return exact_sum(p.x, -shift.x).low == 0.0 && exact_sum(p.y, -shift.y).low == 0.0 &&
                    exact_sum(p.z, -shift.z).low == 0.0;
         };
-        if (exact && !std::all_of(points.begin(), points.end(), stays_exact)) return;
+        if (!std::all_of(points.begin(), points.end(), stays_exact)) return;
         for (Vec& p : points) p = p - shift;
+    }
+
+    void shrink() {
+        int exponent;
+        std::frexp(Bounds(points.data(), points.size()).magnitude(), &exponent);
+        unit = std::ldexp(1.0, exponent);
+        const PowerOfTwo shrink(-exponent);
+        for (Vec& p : points) p = shrink(p);
     }
 
     // Products of three differences must not underflow.
     bool has_no_tiny_digits() const {
         const auto is_tiny = [](double x) { return x != 0.0 && std::fabs(x) < 0x1p-288; };
-        for (const Vec& p : points)
-            if (is_tiny(p.x) || is_tiny(p.y) || is_tiny(p.z)) return false;
-        return true;
+        return std::none_of(points.begin(), points.end(), [&](const Vec& p) {
+            return is_tiny(p.x) || is_tiny(p.y) || is_tiny(p.z);
+        });
     }
 
     // Many points are looked up faster where they are near each other.
@@ -92,15 +99,17 @@ private:
         for (std::size_t i = 0; i < points.size(); ++i) sorted[i] = points[number[i]];
         points = std::move(sorted);
     }
+
+    double reach_, magnitude_;  // half the extent, and the largest coordinate, as given
 };
 
-bool has_edge_within(const HalfEdges& edges, const Vec* given, int exponent, double distance) {
-    const PowerOfTwo shrink(-exponent);
+bool has_edge_within(const HalfEdges& edges, const Vec* given, const PlacedPoints& placed,
+                     double distance) {
     for (std::size_t h = 0; h < edges.tail.size(); ++h) {
         if (edges.twin[h] < static_cast<Index>(h)) continue;
         const Vec& tail = given[edges.source[edges.tail[h]]];
         const Vec& head = given[edges.source[edges.tail[edges.twin[h]]]];
-        if (norm(shrink(head - tail)) <= distance) return true;
+        if (norm(placed.divided(head - tail)) <= distance) return true;
     }
     return false;
 }
@@ -153,7 +162,7 @@ std::optional<MadeHull> make_hull(const Vec* points, std::size_t count, double c
     if (!triangles) return std::nullopt;
     std::optional<HalfEdges> edges = facet_loops(
         placed.number, *triangles, facet_labels(placed.points, *triangles, tolerance));
-    if (!edges || has_edge_within(*edges, points, placed.exponent, tolerance)) return std::nullopt;
+    if (!edges || has_edge_within(*edges, points, placed, tolerance)) return std::nullopt;
     return MadeHull(points, std::move(*edges), tolerances);
 }
 

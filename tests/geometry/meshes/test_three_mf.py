@@ -206,14 +206,14 @@ def test_each_build_item_is_a_body(tmp_path: Path, capsys: pytest.CaptureFixture
     capsys.readouterr()
     assert main(["rest", str(path), "--json"]) == 0
     results = json.loads(capsys.readouterr().out)
-    assert [each["file"] for each in results] == [f"{path}#1", f"{path}#2"]
+    assert [each["body"] for each in results] == ["item 1", "item 2"]
     assert [each["center_of_mass"][0] for each in results] == [0.25, 9.5]
     table = tmp_path / "table.csv"
     for _ in range(2):
         assert main(["rest", str(tmp_path), "--out", str(table), "--jobs", "1"]) == 0
         with table.open() as file:
-            names = {row["file"] for row in csv.DictReader(file)}
-        assert names == {"parts.3mf#1", "parts.3mf#2"}
+            names = {(row["file"], row["body"]) for row in csv.DictReader(file)}
+        assert names == {("parts.3mf", "item 1"), ("parts.3mf", "item 2")}
     assert "1 files were already in" in capsys.readouterr().err
 
 
