@@ -93,6 +93,9 @@ THREE_MF = ".3mf"
 MESH_ENDINGS = frozenset({*READERS, THREE_MF})
 """File endings such as ".stl", in lower case, that `read_body` takes."""
 
+MILLIMETER_ENDINGS = frozenset((".3mf", ".amf", ".dae", ".zae"))
+"""Endings of files that say their unit of length, and whose bodies are in millimeters."""
+
 OTHER_ENDINGS = frozenset(
     ".3dm .3ds .blend .brep .c4d .catpart .drc .dwg .dxf .f3d .fbx .fcstd .iam "  # noqa: SIM905
     ".iges .igs .ipt .jt .lwo .mb .msh .scad .skp .sldasm .sldprt .step .stp .u3d .usd .usda "
@@ -105,8 +108,8 @@ def read_body(path: str | Path, item: int | None = None, *, keep_largest: bool =
     """Read a body from a mesh or point file.
 
     A file of several meshes gives one body, each mesh at its place in the scene; lines are ignored,
-    and so are points beside a mesh. Lengths of 3MF files are in millimeters, and so are those of
-    COLLADA and AMF files that say their unit; others are as written.
+    and so are points beside a mesh. Lengths of 3MF, AMF and COLLADA files are in millimeters, others
+    as written.
 
     Parameters
     ----------

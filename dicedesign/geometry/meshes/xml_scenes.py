@@ -165,7 +165,7 @@ class _Collada:
 
 
 def parse_collada(data: bytes, path: Path) -> Geometry:
-    """Meshes of the scene of a COLLADA file, in mm if it says its unit; bones are at rest.
+    """Meshes of the scene of a COLLADA file, in mm; bones are at rest.
 
     Raises MeshFileError or any other exception: it is wrong.
     """
@@ -179,7 +179,7 @@ def parse_collada(data: bytes, path: Path) -> Geometry:
     )
     geometry = walk(roots, collada.node, path)
     unit = root.find("asset/unit")
-    return geometry if unit is None else _scale(geometry, 1e3 * float(unit.get("meter", 1)))
+    return _scale(geometry, 1e3 * (1.0 if unit is None else float(unit.get("meter", 1.0))))
 
 
 def _scale(geometry: Geometry, factor: float) -> Geometry:

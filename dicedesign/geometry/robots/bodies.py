@@ -8,6 +8,7 @@ inertial frame, or of its shapes. Joints do not matter.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ import numpy as np
 
 from dicedesign.errors import InputError, MeshFileError, named
 from dicedesign.geometry.meshes.body import Body
-from dicedesign.geometry.meshes.reading import THREE_MF, read_body
+from dicedesign.geometry.meshes.reading import MILLIMETER_ENDINGS, THREE_MF, read_body
 from dicedesign.geometry.robots.links import (
     Attributes,
     NamedBody,
@@ -69,7 +70,7 @@ def _list_items(path: Path) -> list[NamedBody]:
 
 
 def _list_links(path: Path) -> list[NamedBody]:
-    root, read_mesh = parse_xml(path), cache(read_body)
+    root, read_mesh = parse_xml(path), cache(_read_in_meters)
     if root.tag not in ("robot", "mujoco"):
         raise MeshFileError(
             f"{path}: expected robot (URDF) or mujoco (MJCF) as root element, got "
@@ -83,6 +84,14 @@ def _list_links(path: Path) -> list[NamedBody]:
         if not links:
             raise InputError("expected a link with shapes, found none; add a shape")
     return links
+
+
+def _read_in_meters(path: Path) -> Body:
+    """Body of a mesh file that has the unit of the robot, unless its format says its own."""
+    body = read_body(path)
+    if path.suffix.lower() not in MILLIMETER_ENDINGS:
+        return body
+    return replace(body, points=1e-3 * body.points)
 
 
 def _urdf_links(

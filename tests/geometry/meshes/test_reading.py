@@ -248,7 +248,7 @@ BOXES: dict[str, tuple[str | bytes, float]] = {
     "u16.stl": (ASCII_STL.encode("utf-16"), 6.0),
     "trailer.stl": (BOX.export(file_type="stl") + b"made by", 6.0),
     "a.dae": (collada(INCH, DAE_TRIANGLES, "<scale>-2 1 1</scale>"), 12.0 * 25.4**3),
-    "fans.dae": (collada("", DAE_FANS), 6.0),
+    "fans.dae": (collada("", DAE_FANS), 6.0e9),
     "a.zae": (zipped("box.dae", collada(INCH, DAE_TRIANGLES)), 6.0 * 25.4**3),
     "a.amf": (amf("inch", TURNED, MODIFIER), 6.0 * 25.4**3),
     "zipped.amf": (zipped("box.amf", amf("millimeter")), 6.0),

@@ -54,7 +54,7 @@ INERTIAL = """<inertial><origin xyz=".12 .21 .28" rpy=".1 .2 .3"/><mass value="3
 def folder(tmp_path: Path) -> Path:
     points = np.random.default_rng(1).normal([3.0, 1.0, -2.0], [1.0, 2.0, 3.0], (25, 3))
     (tmp_path / "meshes").mkdir()
-    for name in ("a.stl", "b.obj", "c.stl"):
+    for name in ("a.stl", "a.3mf", "b.obj", "c.stl"):
         trimesh.convex.convex_hull(points).export(tmp_path / "meshes" / name)
     (tmp_path / "more.xml").write_text(MORE)
     return tmp_path
@@ -119,6 +119,7 @@ def urdf_link(folder: Path, shape: str, inertial: str = "", kind: str = "collisi
         ('<capsule radius="1" length="3"/>', (2.0, 2.0, 5.0), 13.0 / 3.0 * np.pi),
         ('<mesh filename="meshes/a.stl" scale="1 -2 3"/>', None, None),
         ('<mesh filename="package://{}/meshes/a.stl" scale="1 -2 3"/>', None, None),
+        ('<mesh filename="meshes/a.3mf" scale="1000 -2000 3000"/>', None, None),
     ],
 )
 @pytest.mark.parametrize("kind", ["collision", "visual"])
