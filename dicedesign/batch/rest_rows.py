@@ -63,8 +63,11 @@ def facet_columns(poses: RestPoses, all_facets: bool) -> dict[str, Any]:
     hull, facets, count = poses.hull, poses.facets, len(poses.facets)
     rolls_to = np.arange(1, count + 1)
     if all_facets:
-        facets = np.concatenate([facets, np.setdiff1d(np.arange(len(hull.normals)), facets)])
-        rolls_to = poses.morse.basin_of_facet[facets] + 1
+        others = np.setdiff1d(np.arange(len(hull.normals)), facets)
+        # Of facets that are shown as one, the first counts.
+        first = np.unique(poses.morse.facet, return_index=True)[1][others]
+        rolls_to = np.append(rolls_to, poses.morse.basin_of_facet[first] + 1)
+        facets = np.append(facets, others)
     unstable = len(facets) - count
     return {
         "rest": [*range(1, count + 1), *[None] * unstable],

@@ -155,6 +155,21 @@ def test_transforms_and_all_facets(meshes: Path) -> None:
     assert any(row["rest"] is None for row in rows)
 
 
+def test_facets_that_rounding_bent_roll_to_a_rest(meshes: Path) -> None:
+    leaning = trimesh.creation.box((1.0, 1.2, 3.0))
+    leaning.vertices += leaning.vertices[:, 2:] * [0.7, 0.3, 0.0]
+    leaning.vertices @= Rotation.random(random_state=1).as_matrix()
+    leaning.export(meshes / "a.stl")
+    body = read_body(meshes / "a.stl")
+    assert rest_poses(body).hull.finer is not None
+    rows = one_table(meshes, RestOptions(all_facets=True), ["a.stl"])
+    assert len(rows) == 6 > rows[0]["rests"]
+    normals = np.array([[row[f"normal_{x}"] for x in "xyz"] for row in rows])
+    for row, normal in zip(rows, normals, strict=True):
+        last = come_to_rest(body.points - rest_poses(body).center_of_mass, normal)
+        assert row["rolls_to"] == 1 + np.argmax(normals @ last)
+
+
 def test_volume_mass_and_inertia(meshes: Path) -> None:
     """Against the formulas of a box and trimesh; a file's own center and density count first."""
     masses = {"b/box.obj": GivenMass((0.1, 0.2, 0.3), 7.8), "c.off": GivenMass(None, 2.0)}

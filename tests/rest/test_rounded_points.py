@@ -65,6 +65,11 @@ def test_rounded_bodies_rest_as_their_points_say(shape) -> None:  # type: ignore
         order = rng.permutation(len(points))
         other = rest_poses(make_body(points[order], single_precision=True))
         assert difference(poses, other) < 1e-9
+        # Motions and a change of size that round nothing.
+        motion = np.array([[0.0, 0.0, 4.0], [4.0, 0.0, 0.0], [0.0, -4.0, 0.0]])
+        moved = rest_poses(make_body(points @ motion, single_precision=True))
+        shares = (np.sort(each.probabilities) for each in (poses, moved))
+        np.testing.assert_allclose(*shares, rtol=0, atol=1e-9)
         if seed % 10 == 0:
             corners = points[QhullHull(points).vertices]
             frequencies, lost = roll_frequencies(
