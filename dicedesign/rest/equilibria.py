@@ -309,7 +309,9 @@ class Equilibria:
         """(m,) vertex that the body on a facet tips onto (F1), or -1."""
         start = self.hull.facet_start[:-1]
         squared = (self.radii[self.hull.tail] ** 2).sum(-1)
-        order = np.lexsort((squared, self.hull.facet))
+        # Distance grows from the nearest one along both sides, which is known exactly.
+        is_least = self.ascending & self.ascending[self.hull.twin[self.hull.previous]]
+        order = np.lexsort((squared, ~is_least, self.hull.facet))
         nearest = self.hull.tail[order[start]]
         return np.where(self.stable | (self.roll_edge >= 0), -1, nearest)
 

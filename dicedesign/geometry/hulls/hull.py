@@ -306,8 +306,8 @@ def convex_hull(
         )
     tolerance = float(coplanar_tolerance)
     merged = None if is_rounded or tolerance == 0.0 else _merged_hull(given, tolerance, eps)
-    if merged is not None and merged.warp <= WARP_TOLERANCE:
-        return merged
+    if merged is not None:
+        return merged if merged.warp <= WARP_TOLERANCE else _with_finer(merged, given)
     hulls = kernels.exact_hull(given, tolerance, eps)
     if hulls is not kernels.UNDECIDED:
         fields, coarser, facet = hulls
@@ -334,6 +334,20 @@ def _merged_hull(given: NDArray[Any], tolerance: float, eps: float) -> ConvexHul
     positions = given.astype(np.float64)
     half_edges = merged_half_edges(positions, tolerance, eps)
     return None if half_edges is None else _of_half_edges(positions, half_edges)
+
+
+def _with_finer(hull: ConvexHull, points: NDArray[Any]) -> ConvexHull:
+    """A hull with merged facets, and the one of the points as they are, whose facets belong to
+    those with the nearest planes."""
+    from scipy.spatial import cKDTree
+
+    finer = convex_hull(points, 0.0)
+    size = float(np.ptp(hull.vertices, axis=0).max())
+    planes = [
+        np.column_stack([each.normals, each.heights(finer.centroid) / size])
+        for each in (hull, finer)
+    ]
+    return _pair(hull, finer, cKDTree(planes[0]).query(planes[1])[1])
 
 
 def _pair(hull: ConvexHull, finer: ConvexHull, facet: Integers) -> ConvexHull:

@@ -175,22 +175,23 @@ def merged_half_edges(
         labels = facet_labels(scaled, triangles, neighbors, tolerance)
         found = facet_loops(len(scaled), triangles, neighbors, labels)
         if found is None:
-            return None
-        repeated = _find_repeats(scaled, used, found[0], tolerance)
+            # Points that nearly coincide can leave facets that are cut apart.
+            edges = triangles[:, [0, 1, 2, 1, 2, 0]].reshape(-1, 2)
+        else:
+            source, _, tails, twins = found[0]
+            edges = source[np.column_stack([tails, tails[twins]])]
+        repeated = _find_repeats(scaled, used, edges, tolerance)
         if len(repeated) == 0:
-            return found[0]
+            return None if found is None else found[0]
         used = np.setdiff1d(used, repeated)
 
 
-def _find_repeats(
-    points: Floats, used: Integers, half_edges: HalfEdges, distance: float
-) -> Integers:
-    """Find points in use within a distance of a vertex of lower number, which stands for them.
+def _find_repeats(points: Floats, used: Integers, edges: Integers, distance: float) -> Integers:
+    """Find points in use within a distance of a point of lower number, which stands for them.
 
-    Only vertices with an edge that short are searched around.
+    edges: (h, 2) both ways; only points with one that short are searched around.
     """
-    source, _, tails, twins = half_edges
-    tail, head = source[tails], source[tails[twins]]
+    tail, head = edges.T
     short = (norms(points[head] - points[tail]) <= distance) & (tail < head)
     if not short.any():
         return np.empty(0, dtype=np.int64)

@@ -108,8 +108,8 @@ def read_body(path: str | Path, item: int | None = None, *, keep_largest: bool =
     """Read a body from a mesh or point file.
 
     A file of several meshes gives one body, each mesh at its place in the scene; lines are ignored,
-    and so are points beside a mesh. Lengths of 3MF, AMF and COLLADA files are in millimeters, others
-    as written.
+    and so are points beside a mesh. Lengths of 3MF, AMF and COLLADA files are in millimeters,
+    others as written.
 
     Parameters
     ----------

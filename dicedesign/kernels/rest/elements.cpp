@@ -102,15 +102,20 @@ Verdict classify(const Frame<double>& frame, Elements& elements) {
     return Verdict::certain;
 }
 
-Index roll_vertex(const Frame<double>& frame, Index facet) {
+Index roll_vertex(const Frame<double>& frame, const Elements& elements, Index facet) {
     Index chosen = -1;
     double least = 0.0;
+    bool known = false;
     for (Index e = frame.hull.facet_start[facet]; e < frame.hull.facet_start[facet + 1]; ++e) {
         const Vec r = frame.radius(frame.hull.tail[e]);
         const double squared = dot(r, r);
-        if (chosen < 0 || squared < least) {
+        // Distance grows from the nearest one along both sides, which is known exactly.
+        const bool is_least = elements.ascending[e] &&
+                              elements.ascending[frame.hull.twin[frame.hull.previous[e]]];
+        if (chosen < 0 || is_least > known || (is_least == known && squared < least)) {
             chosen = frame.hull.tail[e];
             least = squared;
+            known = is_least;
         }
     }
     return chosen;

@@ -33,6 +33,6 @@ struct Elements {
 Verdict classify(const Frame<double>& frame, Elements& elements);
 
 // Vertex that the body on a facet tips onto which rolls over none of its edges.
-Index roll_vertex(const Frame<double>& frame, Index facet);
+Index roll_vertex(const Frame<double>& frame, const Elements& elements, Index facet);
 
 }  // namespace dicedesign

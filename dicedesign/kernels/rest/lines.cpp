@@ -182,7 +182,7 @@ Verdict ascend(const Frame<double>& frame, const Elements& elements, Index saddl
 
 Verdict descend(const Frame<double>& frame, const Elements& elements, Index facet,
                 Index& reached) {
-    const Index vertex = roll_vertex(frame, facet);
+    const Index vertex = roll_vertex(frame, elements, facet);
     return follow_surely(frame, [&](const auto& finer) {
         return descends(finer, elements, vertex, {finer.normal(facet), finer.normal_error(facet)},
                         reached);
