@@ -235,7 +235,8 @@ def facet_planes(hull: ConvexHull, corners: Floats) -> tuple[Floats, Floats, Flo
     anchor = corners[hull.tail[start]][hull.facet]
     swept = np.linalg.cross(corners[hull.tail] - anchor, corners[hull.head] - anchor)
     vectors = np.add.reduceat(swept, start)
-    doubled = norms(vectors)
+    # The area of a sliver may be less than floats can tell.
+    doubled = np.maximum(norms(vectors), 1e-200)
     normals = vectors / doubled[:, None]
     heights = (corners[hull.tail] * normals[hull.facet]).sum(axis=1)
     least, largest = np.minimum.reduceat(heights, start), np.maximum.reduceat(heights, start)

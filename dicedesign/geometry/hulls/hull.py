@@ -216,8 +216,14 @@ class ConvexHull(kernels.Handled):
 
     @cached_property
     def centroid(self) -> Floats:
-        """(3,) center of mass of the uniform solid hull."""
+        """(3,) center of mass of the uniform solid hull. Raises DegenerateBodyError where rounding
+        leaves no volume."""
         centroid = solid_properties(self._unit_vertices, self.triangles)[1]
+        if not np.isfinite(centroid).all():
+            raise DegenerateBodyError(
+                "points: expected points that span a solid, got a hull whose volume is lost to "
+                "rounding; a body needs thickness in all three directions"
+            )
         return np.ldexp(centroid, self._exponent)
 
     def heights(self, point: Floats) -> Floats:
