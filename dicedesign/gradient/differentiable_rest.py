@@ -26,7 +26,7 @@ from dicedesign.gradient.body_function import (
 from dicedesign.gradient.probability_model import RESTING, ProbabilityModel, probability_model
 from dicedesign.gradient.rest_probabilities import RestEvaluation, facet_normals, hull_centroid
 from dicedesign.kernels import ops as kernels
-from dicedesign.rest.basins import Basins, find_basins, merged_rests
+from dicedesign.rest.basins import Basins, merged_rests, rest_basins
 from dicedesign.rest.equilibria import classify
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -143,12 +143,9 @@ class _RestedBodies:
         if body not in self._sides:
             numbers, center_of_mass = self._numbers(body)
             hull = convex_hull(numbers, single_precision=self._single_precision)
-            classified = hull if hull.finer is None else hull.finer.hull
             middle = center_of_mass[0] if center_of_mass else hull.centroid
-            sides = find_basins(classified, classify(classified, middle).center_of_mass)
-            if sides[0].equilibria.hull is not classified:
-                hull = sides[0].equilibria.hull
-            self._sides[body] = hull, sides
+            checked = classify(hull, middle).center_of_mass
+            self._sides[body] = rest_basins(hull, checked)
         hull, sides = self._sides[body]
         classified = sides[0].equilibria.hull
         corners = points[torch.from_numpy(classified.source)]

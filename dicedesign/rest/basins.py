@@ -85,6 +85,15 @@ def find_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[Basins, ...]:
     return _basins(replace(exact, source=hull.source[exact.source]), center_of_mass)
 
 
+def rest_basins(hull: ConvexHull, center_of_mass: Floats) -> tuple[ConvexHull, tuple[Basins, ...]]:
+    """Basins of a body by its finer hull, if it has one, and the hull on whose facets its rests are
+    shown: the given one, unless no facets are merged after all. See `find_basins`."""
+    classified = hull if hull.finer is None else hull.finer.hull
+    sides = find_basins(classified, center_of_mass)
+    shown = sides[0].equilibria.hull
+    return hull if shown is classified else shown, sides
+
+
 def merged_rests(hull: ConvexHull, side: Basins) -> Integers:
     """(r,) the facet of a body's hull that each rest of a side stands on: its own, or the one that
     it is shown as part of where basins are those of `ConvexHull.finer`."""

@@ -23,7 +23,7 @@ from dicedesign.geometry.meshes.body import (
 from dicedesign.geometry.meshes.parts import loose_part_notes
 from dicedesign.geometry.sphere import angle_between, turns_down, unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.rest.basins import Basins, find_basins, merged_rests
+from dicedesign.rest.basins import Basins, merged_rests, rest_basins
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
@@ -318,7 +318,7 @@ def mass_properties(body: Body, poses: RestPoses) -> MassProperties:
     closed = None if is_hull else solid_triangles(body)
     surface = poses.hull.surface if closed is None else Surface(body.points, closed[0])
     volume, extent = surface.volume, float(np.ptp(surface.points, axis=0).max())
-    if abs(volume) <= VOLUME_TOLERANCE * extent**3:
+    if closed is not None and abs(volume) <= VOLUME_TOLERANCE * extent**3:
         raise DegenerateBodyError(
             f"{body.name}: expected a closed mesh that encloses a volume, got {volume:.3g} at an "
             f"extent of {extent:.3g}; repair the mesh"
@@ -390,11 +390,9 @@ def analyze(
     one are one rest.
     """
     started = time.perf_counter()
-    classified = hull if hull.finer is None else hull.finer.hull
-    sides = find_basins(classified, center_of_mass)
-    if sides[0].equilibria.hull is not classified:
-        hull = sides[0].equilibria.hull
-        notes = (*notes, UNEVEN)
+    shown, sides = rest_basins(hull, center_of_mass)
+    if shown is not hull:
+        hull, notes = shown, (*notes, UNEVEN)
     facets, areas, tied = _combine_sides(hull, sides)
     order = np.argsort(-areas, kind="stable")
     return RestPoses(

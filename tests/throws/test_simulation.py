@@ -4,6 +4,7 @@ library."""
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -51,6 +52,15 @@ def test_a_hollow_body() -> None:
     # m s^2 / 6 of each cube, with masses 8 and 1 of 7.
     np.testing.assert_allclose(body.moments, (8 * 4 - 1) / 6 / 7 / 3, rtol=1e-12)
     assert len(body.vertices) == 8
+
+
+def test_a_needle_of_points_has_inertia() -> None:
+    """Its volume is too little for a mesh to be closed around it."""
+    needle = np.array([*product((-1.0, 1.0), (-1e-6, 1e-6), (-1e-6, 1e-6))])
+    tensor = rigid_body(needle).inertia
+    expected = np.diag([2e-12, 1.0 + 1e-12, 1.0 + 1e-12]) / 3.0
+    # To the rounding of the largest moment.
+    np.testing.assert_allclose(tensor, expected, rtol=0, atol=1e-16)
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 from dicedesign.errors import MeshFileError
 from dicedesign.geometry.meshes.body import merge_positions
 from dicedesign.runtime.arrays import Floats, Integers
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 
 class Geometry(NamedTuple):
@@ -36,6 +39,19 @@ class Geometry(NamedTuple):
     triangles: Integers
     notes: tuple[str, ...] = ()
     is_rounded: bool | None = None
+
+
+def xml_root(data: bytes) -> Element:
+    """Root element of an XML file. Raises ParseError (a SyntaxError), ValueError or LookupError
+    for what is no XML, and for a document type, whose entities could fill the memory."""
+    # Few files are XML.
+    from xml.etree import ElementTree
+
+    class Builder(ElementTree.TreeBuilder):
+        def doctype(self, *_: object) -> None:
+            raise ElementTree.ParseError("it has a document type")
+
+    return ElementTree.fromstring(data, ElementTree.XMLParser(target=Builder()))
 
 
 Line = tuple[int, list[str]]

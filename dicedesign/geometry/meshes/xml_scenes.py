@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dicedesign.errors import MeshFileError
-from dicedesign.geometry.meshes.parsing import Geometry, fans
+from dicedesign.geometry.meshes.parsing import Geometry, fans, xml_root
 from dicedesign.geometry.meshes.scenes import Node, quaternion_matrix, triangles_of, walk
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -24,8 +24,6 @@ MAX_XML_BYTES = 1 << 28
 
 def _xml_root(data: bytes, path: Path) -> Element:
     """Root of an XML file, zipped or not, without namespaces."""
-    from xml.etree.ElementTree import fromstring  # few files are XML
-
     if data[:2] == b"PK":
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = [m for m in archive.infolist() if m.filename.endswith((".amf", ".dae"))]
@@ -38,9 +36,7 @@ def _xml_root(data: bytes, path: Path) -> Element:
             f"{path}: expected at most {MAX_XML_BYTES >> 20} MiB of XML, got {size >> 20}; export "
             "it as STL or PLY"
         )
-    if b"<!ENTITY" in data:
-        raise ValueError
-    root = fromstring(data)
+    root = xml_root(data)
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
     return root

@@ -65,8 +65,8 @@ def _list_items(path: Path) -> list[NamedBody]:
     build = Build(path)
     if len(build.items) < 2:
         return [NamedBody("", build.body)]
-    numbers = range(1, len(build.items) + 1)
-    return [NamedBody(f"item {number}", partial(build.body, number)) for number in numbers]
+    count = len(build.items)
+    return [NamedBody(f"item {k}", partial(build.body, k)) for k in range(1, count + 1)]
 
 
 def _list_links(path: Path) -> list[NamedBody]:

@@ -14,6 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError, MeshFileError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import Body, MassProperties, make_body, solid_triangles
+from dicedesign.geometry.meshes.parsing import xml_root
 from dicedesign.geometry.triangles import Surface, join_inertia, join_surfaces
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import MAX_TEXT_BYTES, read_file
@@ -176,18 +177,11 @@ def make_link(
 
 
 def parse_xml(path: Path) -> Element:
-    """Root element of an XML file without a document type, whose entities could fill the memory."""
-    # Mesh files do without this.
-    from xml.etree import ElementTree
-
-    class Builder(ElementTree.TreeBuilder):
-        def doctype(self, *_: object) -> None:
-            raise ElementTree.ParseError("it has a document type")
-
+    """Root element of a robot's file. Raises MeshFileError as `xml_root`, or if it is missing."""
     data = read_file(path, "a robot", most=MAX_TEXT_BYTES, error=MeshFileError)
     try:
-        return ElementTree.fromstring(data, ElementTree.XMLParser(target=Builder()))
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        return xml_root(data)
+    except (SyntaxError, ValueError, LookupError) as error:
         raise MeshFileError(
             f"{path}: expected XML without document type and entities, but {error}; correct it"
         ) from error
