@@ -277,10 +277,10 @@ def convex_hull(
 ) -> ConvexHull:
     """Convex hull of points, with coplanar triangles merged into polygonal facets.
 
-    Rounding bends facets: those of rounded points are merged to be shown, and the hull of the
-    points as they are, which says how the body rests, is `ConvexHull.finer`. So it is where merged
-    facets of other points do not meet in lines (`WARP_TOLERANCE`). Where they make no polyhedron,
-    none are merged.
+    Rounding bends facets. Those of rounded points are merged only to be shown: how the body rests
+    is decided by the hull of the points as they are, which is `ConvexHull.finer`. The same holds
+    for other points whose merged facets do not meet in lines (`WARP_TOLERANCE`). Where merged
+    facets make no polyhedron, none are merged.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""Convex hulls in NumPy: for bodies that the compiled kernels leave undecided, for a coplanar
-tolerance of 0, and for all bodies where kernels were not built.
+"""Convex hulls in NumPy: for bodies that the compiled kernels leave undecided, and for all bodies
+where kernels were not built.
 
 Qhull's triangles are merged where they are coplanar within a tolerance. At a tolerance of 0 the
 hull is exact for the given floats (`exact_facets`).
