@@ -60,8 +60,6 @@ def design(options: DesignArguments) -> int:
         "name": options.name,
         "seed": options.seed,
         "target": target,
-        "start": {"search": {}},
-        "method": {"exact": {}},
     }
     if options.mesh is not None:
         mesh = {"path": options.mesh, "repair": options.repair, "item": options.item}

@@ -14,7 +14,7 @@ from dicedesign.gradient.facet_measures import offset_derivatives
 from dicedesign.gradient.rest_probabilities import evaluate_rests
 from dicedesign.optimize.preferences import OFF
 from dicedesign.rest.poses import analyze
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 ROUND = 0.75
 """Isoperimetric quotient from which a die is compact; a regular dodecahedron's."""
@@ -38,7 +38,7 @@ PRINTED = 0.02
 
 @dataclass(frozen=True)
 class Looks:
-    """Six qualities of a die, each from 0 for bad to 1 for good.
+    """Six qualities of a die, each from 0 for bad to 1 for good, and three numbers behind them.
 
     Attributes
     ----------
@@ -49,6 +49,9 @@ class Looks:
         labeled face.
     firm: least angle to tip a labeled face, over `FIRM`.
     printable: 1 if facets that are off change no probability, 1/2 at `PRINTED`.
+    quotient: isoperimetric quotient 36 pi V^2 / A^3.
+    circle: diameter of the circle in the smallest labeled face over the largest diameter.
+    print_variation: mean total variation by which facets that are off change the outcomes.
     """
 
     compact: float
@@ -57,17 +60,22 @@ class Looks:
     plain: float
     firm: float
     printable: float
+    quotient: float
+    circle: float
+    print_variation: float
 
     @property
     def measure(self) -> float:
         """Product of the qualities, 0 to 1."""
-        return math.prod(vars(self).values())
+        good = self.compact, self.thick, self.legible, self.plain, self.firm, self.printable
+        return math.prod(good)
 
 
-def rate_looks(hull: ConvexHull, directions: Floats) -> Looks:
+def rate_looks(hull: ConvexHull, directions: Floats, outcome_of: Integers | None = None) -> Looks:
     """Looks of a uniform convex die with rests on its labeled faces and no others.
 
-    directions: (f, 3) normals of the labeled faces.
+    directions: (f, 3) normals of the labeled faces. outcome_of: (f,) outcome that each shows; None
+    for one outcome each.
     """
     poses, surface = analyze(hull, hull.centroid), hull.surface
     facets = np.argmax(directions @ hull.normals.T, axis=1)
@@ -78,8 +86,13 @@ def rate_looks(hull: ConvexHull, directions: Floats) -> Looks:
     circle = min(facet_inradius(hull, facet) for facet in facets.tolist())
     blank = float(hull.areas[is_blank].max(initial=0.0) / hull.areas[facets].min())
     rests = evaluate_rests(torch.from_numpy(hull.vertices))
-    changes = OFF * hull.diameter * offset_derivatives(rests, rests.jacobian)
-    chi_square = float(((changes**2).sum(axis=1) / rests.probability_values).sum())
+    # Rows of the faces' outcomes.
+    places = np.argmax(hull.normals[rests.facets] @ directions.T, axis=1)
+    outcome = places if outcome_of is None else outcome_of[places]
+    sums = (np.arange(outcome.max() + 1)[:, None] == outcome).astype(np.float64)
+    changes = OFF * hull.diameter * offset_derivatives(rests, sums @ rests.jacobian)
+    variances = (changes**2).sum(axis=1)
+    chi_square = float((variances / (sums @ rests.probability_values)).sum())
     quotient = 36.0 * math.pi * surface.volume**2 / float(hull.areas.sum()) ** 3
     return Looks(
         compact=min(quotient / ROUND, 1.0),
@@ -88,4 +101,8 @@ def rate_looks(hull: ConvexHull, directions: Floats) -> Looks:
         plain=1.0 / (1.0 + blank / BLANK),
         firm=min(float(poses.margins.min()) / FIRM, 1.0),
         printable=1.0 / (1.0 + chi_square**0.5 / PRINTED),
+        quotient=quotient,
+        circle=2.0 * circle / hull.diameter,
+        # Half of the mean absolute values of Gaussians.
+        print_variation=float(np.sqrt(variances / (2.0 * np.pi)).sum()),
     )

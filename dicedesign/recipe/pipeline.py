@@ -21,7 +21,15 @@ from dicedesign.recipe.callbacks import Callbacks
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.folder import CHECKPOINT, PAGE, RECIPE, open_results_folder, write_results
-from dicedesign.results.parts import Concave, Printability, Search, Status, TableResult
+from dicedesign.results.parts import (
+    Candidate,
+    Concave,
+    Printability,
+    Search,
+    Status,
+    TableResult,
+    ThrowForecast,
+)
 from dicedesign.results.result import (
     RESULT,
     Balance,
@@ -55,6 +63,7 @@ class Work:
     Attributes
     ----------
     recipe: checked recipe; folder: results folder, None to write nothing.
+    target: labels and target probabilities; with the faces that a stage has chosen, if so.
     callbacks: progress callbacks.
     enlarge: if the labels do not fit at the recipe's size, enlarge the die.
     resume: resume an interrupted search from its checkpoint.
@@ -69,6 +78,8 @@ class Work:
     thrown: the die on its table.
     status: status of the die; remarks: phrases of the message; notes: repairs and assumptions.
     concave, search, balance, inside, throws, printability, tolerances, infill: parts of `Result`.
+    forecast: expected frequencies when thrown, None if unknown. candidates: dice with different
+        numbers of faces that were compared, the best first.
     extra: plain data by name, from stages outside the package.
     resume_note: sentence on how to resume after an interrupt; empty without a checkpoint.
     images: PNG or GIF figures by name; files: contents by file name.
@@ -76,6 +87,7 @@ class Work:
 
     recipe: Recipe
     folder: Path | None = None
+    target: Target = field(init=False)
     callbacks: Callbacks = field(default_factory=Callbacks)
     enlarge: bool = False
     resume: bool = False
@@ -102,10 +114,15 @@ class Work:
     printability: Printability | None = None
     tolerances: PrintTolerances | None = None
     infill: InfillProbabilities | None = None
+    forecast: ThrowForecast | None = None
+    candidates: tuple[Candidate, ...] = ()
     extra: dict[str, Any] = field(default_factory=dict)
     resume_note: str = ""
     images: dict[str, bytes] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.target = self.recipe.target.target()
 
     def copy(self) -> Work:
         """Independent copy for further stages."""
@@ -113,11 +130,6 @@ class Work:
         for name in ("stages", "remarks", "notes", "extra", "images", "files"):
             setattr(twin, name, copy.copy(getattr(self, name)))
         return twin
-
-    @property
-    def target(self) -> Target:
-        """Labels and target probabilities."""
-        return self.recipe.target.target()
 
     @property
     def has_free_labels(self) -> bool:
@@ -228,6 +240,8 @@ class Work:
             inside=self.inside,
             concave=self.concave,
             search=self.search,
+            forecast=self.forecast,
+            candidates=self.candidates,
             thrown=self.throws,
             printability=self.printability,
             tolerances=self.tolerances,
@@ -266,6 +280,7 @@ NEARLY = 1e-3
 
 METHODS = {
     "exact": "dicedesign.recipe.convex:design_exact",
+    "candidates": "dicedesign.recipe.candidates:design_candidates",
     "handsome": "dicedesign.recipe.handsome:design_handsome",
     "thrown": "dicedesign.recipe.thrown:design_for_table",
     "paper": "dicedesign.recipe.convex:design_paper",
@@ -281,7 +296,7 @@ def _load_method(work: Work) -> Callable[[Work], Any]:
     method = work.recipe.method
     name = "thrown" if method.is_thrown else method.name
     if work.recipe.is_chosen_by_looks:
-        name = "handsome"
+        name = "candidates" if work.recipe.compares_faces else "handsome"
     solve: Callable[[Work], Any] = resolve_name(METHODS[name])
     return solve
 
@@ -349,6 +364,12 @@ STAGES: Registry[Stage] = Registry(
             "die.stl back",
             "dicedesign.recipe.engrave:fill_inside",
             lambda work: work.recipe.inside is not None,
+        ),
+        Stage(
+            "forecast",
+            "computes by the momentum model how the finished die comes up when thrown",
+            "dicedesign.recipe.thrown:forecast",
+            lambda work: work.recipe.prior is None,
         ),
         Stage(
             "throws",

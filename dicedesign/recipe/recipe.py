@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Literal, cast
 
@@ -28,6 +28,7 @@ from dicedesign.optimize.options import ExactOptions, PaperOptions
 from dicedesign.optimize.starts.kinds import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.optimize.starts.start import STARTS, StartKind
+from dicedesign.optimize.targets import MOST_FACES
 from dicedesign.recipe.target import Label, Strict, TargetRecipe
 from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
@@ -38,6 +39,12 @@ NAME = r"^[A-Za-z0-9]([A-Za-z0-9_. -]{0,98}[A-Za-z0-9_.-])?$"
 
 AUTO = "auto"
 """Value of `symmetry` that is resolved during the run."""
+
+FEWEST_FACES = 4
+"""Least number of faces of a die."""
+
+MOST_CANDIDATES = 12
+"""Most dice that are compared."""
 
 MIN_RELATIVE_DEPTH = 1e-6
 """Minimum label depth over die size; STL files round coordinates to about a tenth of it."""
@@ -209,6 +216,13 @@ class Recipe(Strict):
         start and along its axes; "auto", the default if shapes are searched, for the most helpful
         group that the target allows, or for dice that are set down for the most handsome of many
         shapes with and without symmetry; None, "none" in a file, for any shape.
+    faces: "auto" to compare dice with different numbers of faces and take the best, the default if
+        shapes are searched without further wishes; "one" for one face an outcome, or those that the
+        target lists; or an even number of faces, at least 6 and as many as outcomes.
+    purpose: what the die is for: "both", right when set down and when thrown; "setting-down" or
+        "throwing" for one of these.
+    candidates: number of dice to compare and to describe in the result, 1 to 12.
+    pick: number of the one to make, 1 for the best.
     size_mm: largest distance between two vertices of the die.
     min_inradius_mm: minimum radius of the largest circle in the facet of each outcome.
     engrave: engraving options, or None for a plain die, the default with the concave method.
@@ -236,6 +250,10 @@ class Recipe(Strict):
     prior: Annotated[str | None, AfterValidator(_check_prior), _word("uniform", None)] = None
     symmetry: Annotated[str | None, AfterValidator(_check_group), _word("none", None)] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
+    faces: Literal["one", "auto"] | Annotated[int, Field(ge=FEWEST_FACES, le=MOST_FACES)] = "one"
+    purpose: Literal["both", "throwing", "setting-down"] = "both"
+    candidates: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)] = 1
+    pick: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)] = 1
     size_mm: Annotated[float, Field(ge=LEAST_MM, le=MOST_MM)] = 30.0
     min_inradius_mm: Annotated[float, Field(ge=0.0)] = 0.0
     engrave: Annotated[EngravingOptions | None, _switch()] = Field(default_factory=EngravingOptions)
@@ -261,6 +279,9 @@ class Recipe(Strict):
 
     @model_validator(mode="after")
     def _check(self) -> Recipe:
+        is_free = not {"faces", "start", "symmetry"} & self.model_fields_set
+        if is_free and next(self._list_faces_conflicts(), None) is None:
+            object.__setattr__(self, "faces", AUTO)
         if (
             # With a symmetry a thrown die is right on more tables, and others are more handsome.
             "symmetry" not in self.model_fields_set
@@ -273,7 +294,47 @@ class Recipe(Strict):
             object.__setattr__(self, "symmetry", AUTO)
         for conflict in self._list_conflicts():
             raise ValueError(conflict)
+        if self.faces != "one":
+            for conflict in self._list_faces_conflicts():
+                raise ValueError(conflict)
+        elif max(self.candidates, self.pick) > 1:
+            raise ValueError(
+                f"{'pick' if self.pick > 1 else 'candidates'}: expected 1 with faces: one, which "
+                "compares no dice with other numbers of faces, got more; write faces: auto"
+            )
         return self
+
+    def _list_faces_conflicts(self) -> Iterator[str]:
+        """Yield messages about keys with which the number of faces cannot be chosen."""
+        exact, target = self.method.exact, self.target
+        others = {"table", "hand", "tolerance"}
+        conflicts = {
+            "start: expected none, so that shapes are searched": self.start.kind.search is None,
+            "method: expected none, or exact with table and hand": exact is None
+            or any(
+                getattr(exact, one.name) != getattr(ExactOptions(), one.name)
+                for one in fields(ExactOptions)
+                if one.name not in others
+            ),
+            "prior: expected none": self.prior is not None,
+            "center_of_mass: expected uniform": self.center_of_mass is not None,
+            "min_inradius_mm: expected 0": self.min_inradius_mm > 0.0,
+            "assignment: expected in_order": self.assignment is not None,
+            "target: expected no number of faces": target.faces is not None
+            or any(one.faces > 1 for one in target.outcomes or ()),
+            "symmetry: expected none or auto": self.symmetry not in (None, AUTO),
+        }
+        for text, applies in conflicts.items():
+            if applies:
+                yield f"{text} with faces: {self.faces}, got another; leave it out"
+        if isinstance(self.faces, int):
+            outcomes = len(target.target().labels)
+            if self.faces % 2 or self.faces < outcomes:
+                yield (
+                    f"faces: expected an even number of at least {outcomes}, the number of "
+                    f"outcomes, so that opposite faces are parallel, got {self.faces}; change it, "
+                    "or write auto or one"
+                )
 
     def _list_conflicts(self) -> Iterator[str]:
         """Yield messages about conflicting keys; may also raise ValueError."""
@@ -402,6 +463,11 @@ class Recipe(Strict):
         """Whether the die is the most handsome of many shapes."""
         is_searched = self.start.kind.search is not None
         return self.symmetry == AUTO and is_searched and not self.method.is_thrown
+
+    @property
+    def compares_faces(self) -> bool:
+        """Whether dice with different numbers of faces are compared."""
+        return self.faces != "one"
 
     def density_prior(self) -> DensityPrior | None:
         """Prior density; None for the uniform one."""

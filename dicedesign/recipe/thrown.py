@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from dicedesign.errors import NoStartError
-from dicedesign.fabricate.die import Design
-from dicedesign.geometry.meshes.body import make_body
+from dicedesign.errors import InputError, NoStartError
+from dicedesign.fabricate.die import Design, Solid
+from dicedesign.geometry.meshes.body import Body, make_body
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
@@ -20,6 +20,7 @@ from dicedesign.optimize.solvers.candidate import DesignResult
 from dicedesign.optimize.solvers.refinement import Refinement, Thrown, shape_measures
 from dicedesign.optimize.starts.search import shapes_like
 from dicedesign.optimize.starts.start import Start
+from dicedesign.optimize.targets import Target
 from dicedesign.recipe.convex import (
     find_starts,
     make_design,
@@ -28,9 +29,9 @@ from dicedesign.recipe.convex import (
     wanted_of_directions,
 )
 from dicedesign.recipe.pipeline import Work
-from dicedesign.results.parts import RoundOfThrows, Status, TableResult
+from dicedesign.results.parts import RoundOfThrows, Status, TableResult, ThrowForecast
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.throws.bias import measure_tables
+from dicedesign.throws.bias import OFTEN, measure_tables
 from dicedesign.throws.momentum_model import momentum_model, table_measures
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
 from dicedesign.throws.tables import mixture_tables
@@ -40,6 +41,9 @@ VERDICT_ROUND = MOST_ROUNDS + 1
 
 SEEDS_PER_RECIPE = VERDICT_ROUND + 1
 """Seeds of throws of one recipe's seed."""
+
+DEFAULT_TABLE = "board-game"
+"""Table of dice whose recipe names none."""
 
 MAX_VARIATIONS = 12
 """Variations of a die from which a design starts, as it may get stuck at kinks of the momentum
@@ -134,6 +138,38 @@ def throw_seed(seed: int, number: int) -> int:
     """Seed of a round's throws for a recipe's seed. Throws of the finished die are round
     `VERDICT_ROUND`."""
     return SEEDS_PER_RECIPE * seed + number
+
+
+def forecast_throws(
+    work: Work, solid: Solid, design: Design, target: Target, body: Body | None = None
+) -> ThrowForecast | None:
+    """Expected frequencies of a die on the table of the recipe, board-game by default, by the
+    momentum model; None for a table on which it does not fit or that the model does not know.
+
+    body: finished die; by default the hull of the solid.
+    """
+    name = getattr(work.recipe.method.options, "table_with_hand", DEFAULT_TABLE)
+    body = body or make_body(solid.hull_points)
+    try:
+        mixture = momentum_model(name)
+        placed = DieOnTable.of(
+            body, solid.center_of_mass, design.directions, name, design.outcome_of
+        )
+    except InputError:
+        return None
+    mean, wanted = placed.momentum(mixture), target.probabilities
+    by_hand = np.abs(placed.momentum_by_table(mixture) - wanted).sum(axis=1) / 2.0
+    return ThrowForecast(
+        table=name,
+        probabilities=tuple(mean.tolist()),
+        total_variation=float(np.abs(mean - wanted).sum()) / 2.0,
+        nine_in_ten=float(np.quantile(by_hand, OFTEN)),
+    )
+
+
+def forecast(work: Work) -> None:
+    """Set the expected frequencies of the finished die when thrown."""
+    work.forecast = forecast_throws(work, work.solid, work.die, work.target, work.final.body)
 
 
 def throw(work: Work) -> None:

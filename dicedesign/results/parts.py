@@ -346,6 +346,73 @@ class TableResult:
     by_table: ByTable | None = None
 
 
+RARELY_OFF = 0.02
+"""Total variation from the target beyond which a thrown die gets a warning."""
+
+MUCH_OFF = 0.25
+"""The same for an outcome's error over its probability."""
+
+
+@dataclass(frozen=True)
+class ThrowForecast:
+    """Expected frequencies of the finished die when thrown, by the momentum model.
+
+    Attributes
+    ----------
+    table: name of the table, which stands for several hands.
+    probabilities: of the outcomes, the mean over the hands.
+    total_variation: of these from the target. nine_in_ten: total variation of single hands that
+        nine in ten do not exceed.
+    """
+
+    table: str
+    probabilities: Numbers
+    total_variation: float
+    nine_in_ten: float
+
+    def most_off(self, target: Numbers) -> int:
+        """Number of the outcome with the largest error over its probability."""
+        errors = [abs(p / q - 1.0) for p, q in zip(self.probabilities, target, strict=True)]
+        return errors.index(max(errors))
+
+    def is_off(self, target: Numbers) -> bool:
+        """Whether the die does not have its target when thrown."""
+        worst = self.most_off(target)
+        error = abs(self.probabilities[worst] / target[worst] - 1.0)
+        return self.total_variation > RARELY_OFF or error > MUCH_OFF
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One of several dice with the target's probabilities and different numbers of faces.
+
+    Attributes
+    ----------
+    name: of its shape. faces: number of labeled faces.
+    thrown, nine_in_ten: as `ThrowForecast.total_variation` and `nine_in_ten`.
+    looks: measure of `Looks`, 0 to 1; quotient: isoperimetric quotient, 1 for a ball.
+    is_read_on_top: whether a label is on top when it has come to rest.
+    label_mm: diameter of the circle in the smallest labeled face, at `size_mm`.
+    size_mm: largest distance between two corners; weight_g: as a solid print, or None.
+    prints: mean total variation of prints whose faces are off by 0.1 mm in 30 mm.
+    lacks: what it lacks, in words; shortfall: by how much, 0 if nothing.
+    """
+
+    name: str
+    faces: int
+    thrown: float
+    nine_in_ten: float
+    looks: float
+    quotient: float
+    is_read_on_top: bool
+    label_mm: float
+    size_mm: float
+    weight_g: float | None
+    prints: float
+    lacks: tuple[str, ...] = ()
+    shortfall: float = 0.0
+
+
 @dataclass(frozen=True)
 class SmallestFacet:
     """Area and inradius of the facet with the smallest inradius of a convex die."""

@@ -16,12 +16,14 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.parts import (
+    Candidate,
     Concave,
     Numbers,
     Printability,
     Search,
     Status,
     TableResult,
+    ThrowForecast,
 )
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text, plain
@@ -261,7 +263,9 @@ class Result:
     design: die as designed. engraved: die with labels, edges or something inside, or None. inside:
         cavity or infill of the recipe's `inside`.
     concave: section of a concave die; search: its search.
-    thrown: probabilities on the recipe's table.
+    forecast: expected frequencies when thrown, by the momentum model; None under a prior.
+    candidates: dice with different numbers of faces that were compared, the best first.
+    thrown: of a die for thrown probabilities, these on its table.
     printability: printability and best orientation.
     tolerances: deviations of printed dice. infill: probabilities with the recipe's infill, None for
         a solid print.
@@ -295,6 +299,8 @@ class Result:
     inside: Inside | None = None
     concave: Concave | None = None
     search: Search | None = None
+    forecast: ThrowForecast | None = None
+    candidates: tuple[Candidate, ...] = ()
     thrown: TableResult | None = None
     printability: Printability | None = None
     tolerances: PrintTolerances | None = None

@@ -24,9 +24,9 @@ import numpy as np
 import torch
 
 from dicedesign.errors import DiceError
-from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.runtime.arrays import Floats, Integers
@@ -85,8 +85,6 @@ DAMPING = (1e-2, 1e-4, 1e3)
 
 LEAST_PROBABILITY = 1e-7
 """Probability below which a face counts as lost."""
-
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,12 +150,12 @@ class OutcomeSumsDie:
 @dataclass(frozen=True, eq=False)
 class _Terms:
     """Residuals to minimize (s,) and errors of the sums (c,), the derivatives of both in the
-    movable directions, (s, d) and (c, d) or None, and the hull and hands of `OutcomeSumsDie`."""
+    movable directions, (s, d) and (c, d) or (0,), and the hull and hands of `OutcomeSumsDie`."""
 
     soft: Floats
     hard: Floats
-    soft_slopes: Floats | None
-    hard_slopes: Floats | None
+    soft_slopes: Floats
+    hard_slopes: Floats
     hull: ConvexHull
     hands: Floats
 
@@ -173,17 +171,22 @@ class _Problem:
     """Terms of a die as functions of its planes; see `solve_outcome_sums`."""
 
     def __init__(
-        self, target: Floats, outcome: Integers, start: PlanesInPairs, thrown: ThrowProbabilities
+        self,
+        target: Floats,
+        outcome: Integers,
+        start: PlanesInPairs,
+        thrown: ThrowProbabilities | None,
+        set_down: bool,
     ) -> None:
-        self.target, self.start, self.evaluations = target, start, 0
+        self.target, self.start, self.set_down, self.evaluations = target, start, set_down, 0
         self.sums = np.eye(len(target))[outcome].T
         self.shares = (target / self.sums.sum(axis=1))[outcome]
         strength = np.clip(self.shares.mean() / self.shares, 1.0, MOST_STRENGTH)
         self.share_weights = SHARE_WEIGHT * strength
-        mixture = thrown.mixture
-        assert mixture is not None
-        self.hand_weights = mixture.weights
-        self.hands = [ThrowProbabilities(MomentumMixture.alone(one)) for one in mixture.models]
+        mixture = None if thrown is None else thrown.mixture
+        self.hand_weights = np.zeros(0) if mixture is None else mixture.weights
+        models = () if mixture is None else mixture.models
+        self.hands = [ThrowProbabilities(MomentumMixture.alone(one)) for one in models]
 
     def terms(self, planes: PlanesInPairs, slopes: bool = True) -> _Terms | None:
         """None unless the die rests on each plane."""
@@ -201,8 +204,8 @@ class _Problem:
         if resting.min() < LEAST_PROBABILITY:
             return None
         sums, count = self.sums[:, face], len(self.target)
-        by_hand = np.array([sums @ hand.probabilities(rests) for hand in self.hands])
-        off = by_hand - self.target
+        by_hand = [sums @ hand.probabilities(rests) for hand in self.hands]
+        off = np.array(by_hand).reshape(-1, count) - self.target
         weights = HAND_WEIGHT * np.sqrt(self.hand_weights)[:, None] / np.sqrt(self.target + RARE)
         short, short_rows = _short_edges(rests)
         change = np.concatenate(
@@ -211,26 +214,31 @@ class _Problem:
         share_weights = self.share_weights[face]
         soft = [share_weights * np.log(resting / self.shares[face]), (weights * off).ravel()]
         soft += [EDGE_WEIGHT * short, STAY_WEIGHT * change]
-        hard = np.concatenate([(sums @ resting - self.target)[:-1], (self.hand_weights @ off)[:-1]])
+        # The last outcome has what is left.
+        errors = [(sums @ resting - self.target)[:-1]] if self.set_down else []
+        errors += [(self.hand_weights @ off)[:-1]] if self.hands else []
+        hard = np.concatenate(errors)
         hull, variation = rests.hull, np.abs(off).sum(axis=1) / 2.0
         if not slopes:
-            return _Terms(np.concatenate(soft), hard, None, None, hull, variation)
+            return _Terms(np.concatenate(soft), hard, np.zeros(0), np.zeros(0), hull, variation)
         rows = np.concatenate(
             [rests.jacobian, *(hand.jacobian(rests, sums) for hand in self.hands), short_rows]
         )
         moved = shape.in_parameters(rows, hull.source) @ planes.directions
         of_faces, of_hands, of_edges = np.split(moved, [len(face), len(moved) - len(short)])
-        by_hands = of_hands.reshape(len(self.hands), count, -1)
+        by_hands = of_hands.reshape(len(self.hands), count, moved.shape[1])
         pairs = len(planes.half)
         stays = np.concatenate([planes.directions[: 3 * pairs], planes.directions[6 * pairs :]])
         soft_slopes = [
             (share_weights / resting)[:, None] * of_faces,
-            (weights[..., None] * by_hands).reshape(len(of_hands), -1),
+            (weights[..., None] * by_hands).reshape(of_hands.shape),
             EDGE_WEIGHT * of_edges,
             STAY_WEIGHT * stays,
         ]
+        error_slopes = [(sums @ of_faces)[:-1]] if self.set_down else []
         mean = np.tensordot(self.hand_weights, by_hands, axes=1)
-        hard_slopes = np.concatenate([(sums @ of_faces)[:-1], mean[:-1]])
+        error_slopes += [mean[:-1]] if self.hands else []
+        hard_slopes = np.concatenate(error_slopes)
         soft_rows = np.concatenate(soft_slopes)
         return _Terms(np.concatenate(soft), hard, soft_rows, hard_slopes, hull, variation)
 
@@ -257,7 +265,7 @@ def _short_edges(rests: RestEvaluation) -> tuple[Floats, Floats]:
     by_center = np.zeros((len(rows), 3))
     by_center[second] = sign * along[near] / NEAR_END
     shortfall = [1.0 - lengths[short] / SHORT_EDGE, 1.0 - np.abs(places[near]) / NEAR_END]
-    flat = rows.reshape(len(rows), -1)
+    flat = rows.reshape(len(rows), hull.vertices.size)
     return np.concatenate(shortfall), rests.rows_with_center(flat, by_center)
 
 
@@ -266,7 +274,8 @@ def solve_outcome_sums(
     outcome: Integers,
     normals: Floats,
     distances: Floats,
-    thrown: ThrowProbabilities,
+    thrown: ThrowProbabilities | None,
+    set_down: bool = True,
 ) -> OutcomeSumsDie | None:
     """Move planes as little as possible until the sums over the faces of each outcome are the
     target, set down and thrown. None if the faces of the start are not the rests of a solid, or no
@@ -278,11 +287,13 @@ def solve_outcome_sums(
     outcome: (2 m,) of each face.
     normals: (2 m, 3) unit, distances: (2 m,) of the starting planes about the origin; faces i and
         i + m are opposite.
-    thrown: model of throws onto a table.
+    thrown: model of throws onto a table, or None to look at dice that are set down only. set_down:
+        whether the sums are also to be right when set down; they are without `thrown`.
     """
     pairs = len(normals) // 2
     planes = PlanesInPairs(normals[:pairs], np.log(distances))
-    problem = _Problem(target, outcome, planes, thrown)
+    is_thrown = thrown is not None and thrown.mixture is not None
+    problem = _Problem(target, outcome, planes, thrown, set_down or not is_thrown)
     terms = problem.terms(planes)
     if terms is None:
         return None
@@ -336,18 +347,16 @@ def solve_outcome_sums(
 
 def _sequential_step(terms: _Terms, damping: float) -> tuple[Floats, Floats]:
     """Step that minimizes the squares where the linearized sums are met, and the multipliers."""
-    assert terms.soft_slopes is not None and terms.hard_slopes is not None
     slopes, rows = terms.soft_slopes, terms.hard_slopes
     hessian = slopes.T @ slopes + damping * np.eye(slopes.shape[1])
     solved = np.linalg.solve(hessian, np.column_stack([slopes.T @ terms.soft, rows.T]))
     missing = terms.hard - rows @ solved[:, 0]
     multipliers = np.linalg.lstsq(rows @ solved[:, 1:], missing, rcond=1e-12)[0]
-    return -solved[:, 0] - solved[:, 1:] @ multipliers, multipliers
+    return np.asarray(-solved[:, 0] - solved[:, 1:] @ multipliers), np.asarray(multipliers)
 
 
 def _restoring_step(terms: _Terms) -> Floats:
     """Step that meets the linearized sums with the least change of the squares."""
-    assert terms.soft_slopes is not None and terms.hard_slopes is not None
     slopes, rows = terms.soft_slopes, terms.hard_slopes
     hessian = slopes.T @ slopes + DAMPING[0] * np.eye(slopes.shape[1])
     solved = np.linalg.solve(hessian, rows.T)

@@ -68,10 +68,10 @@ def equal_faces_body(faces: int) -> EqualFaces | None:
     """The most compact solid of equal faces, with opposite faces parallel, or a tetrahedron. None
     if none has this number of faces and room for labels."""
     if faces in SEVERAL_AXES:
-        name, group, normal = SEVERAL_AXES[faces]
-        images = unit_vectors(np.array(normal)) @ point_group(group).transpose(0, 2, 1)
+        name, known, normal = SEVERAL_AXES[faces]
+        images = unit_vectors(np.array(normal)) @ point_group(known).transpose(0, 2, 1)
         _, first = np.unique(images.round(6) + 0.0, axis=0, return_index=True)
-        return EqualFaces(name, group, images[np.sort(first)])
+        return EqualFaces(name, known, images[np.sort(first)])
     if faces % 2 or not 6 < faces <= MOST_RING_FACES:
         return None
     sides = faces // 2
@@ -87,17 +87,16 @@ def equal_faces_body(faces: int) -> EqualFaces | None:
     return EqualFaces(name, group, unit_vectors(np.concatenate(normals)))
 
 
-def fewest_equal_faces(probabilities: Floats, least: int = 6) -> int | None:
-    """The least number of equal faces, at least `least`, of which each outcome has a whole number.
-    None if there is no such solid. probabilities: (k,). A tetrahedron needs four outcomes."""
-    for faces in [4, *range(6, MOST_RING_FACES + 1, 2), *sorted(SEVERAL_AXES)]:
-        if faces < least and not faces == len(probabilities) == 4:
-            continue
+def numbers_of_equal_faces(probabilities: Floats) -> list[int]:
+    """Numbers of equal faces of which each outcome has a whole number, and for which there is a
+    solid, ascending. A tetrahedron is for four outcomes only. probabilities: (k,)."""
+    fitting = list[int]()
+    for faces in sorted({*range(8, MOST_RING_FACES + 1, 2), *SEVERAL_AXES}):
         parts = probabilities * faces
         is_whole = np.abs(parts - parts.round()).max() < WHOLE and parts.min() > 0.5
-        if is_whole and equal_faces_body(faces) is not None:
-            return faces
-    return None
+        if is_whole and (faces > 4 or len(probabilities) == faces):
+            fitting.append(faces)
+    return fitting
 
 
 MISMATCH = 4.0
@@ -144,7 +143,9 @@ def share_faces(probabilities: Floats, faces: int) -> FaceShares:
         odd = odd[:, : outcomes // 2 * 2]
         gaps = odd[:, 1::2] - np.where(np.isinf(odd[:, ::2]), 0.0, odd[:, ::2])
         gaps = np.where(np.isinf(gaps), 0.0, gaps)
-        return np.where(counts.min(axis=1) < 1, np.inf, MISMATCH * off + GAP * (gaps**2).sum(axis=1))
+        return np.where(
+            counts.min(axis=1) < 1, np.inf, MISMATCH * off + GAP * (gaps**2).sum(axis=1)
+        )
 
     best = None
     for pair in (1, 2):

@@ -1,0 +1,258 @@
+"""`faces: auto`: dice with different numbers of faces for one target, and the best by a rule.
+
+In this order: dice of equal faces, which are right in every hand; dice of nearly equal faces in
+opposite pairs, solved to be right set down and thrown; one face an outcome. The first that lacks
+nothing is made, so the others are only designed if more candidates are wanted, or if each lacks
+something: then the one that lacks least.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from dicedesign.errors import EngravingError, InputError
+from dicedesign.fabricate.die import Design, make_solid
+from dicedesign.fabricate.label_layout import die_readings
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.gradient.probability_model import ThrowProbabilities
+from dicedesign.optimize.coordinates import FacetCoordinates
+from dicedesign.optimize.looks import rate_looks
+from dicedesign.optimize.solvers.outcome_sums import OutcomeSumsDie, solve_outcome_sums
+from dicedesign.optimize.starts.face_bodies import (
+    FaceShares,
+    equal_faces_body,
+    numbers_of_equal_faces,
+    share_faces,
+    weighted_code,
+)
+from dicedesign.optimize.targets import Target
+from dicedesign.recipe.handsome import design_handsome
+from dicedesign.recipe.pipeline import Work
+from dicedesign.recipe.recipe import AUTO
+from dicedesign.recipe.solid import enlarge
+from dicedesign.recipe.thrown import forecast_throws
+from dicedesign.results.parts import Candidate, Status
+from dicedesign.results.result import HullCounts, Step
+from dicedesign.runtime.arrays import Floats, Integers
+
+NUMBERS = (12, 16, 20, 24, 30, 36, 42, 48)
+"""Numbers of nearly equal faces that are tried."""
+
+EVEN_SHARES = 0.05
+"""Cost of the shares of faces up to which the smallest number of faces comes first."""
+
+CODES = 3
+"""Starting shapes for each number of nearly equal faces."""
+
+MAX_STRAIN = 1.0
+"""Strain up to which no further starting shape is tried."""
+
+SOLVED = 1e-9
+"""Error of the sums at which a die of nearly equal faces counts as solved."""
+
+MAX_THROWN = 0.02
+"""Total variation from the target when thrown, over the hands of the table."""
+
+MAX_HANDS = 0.05
+"""The same for nine in ten hands."""
+
+MIN_LABEL = 0.1
+"""Diameter of the circle in the smallest labeled face over that of the die: 3 mm of 30 mm."""
+
+MIN_COMPACT = 0.5
+"""Isoperimetric quotient; a cube has 0.52."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Die:
+    """A designed candidate. name: of its shape; target: with the faces of the design; is_equal:
+    whether it is right in every hand, by symmetry."""
+
+    name: str
+    target: Target
+    design: Design
+    is_equal: bool = False
+
+
+def design_candidates(work: Work) -> Design:
+    """Design dice with different numbers of faces, record what distinguishes them, and return the
+    one that the recipe picks, the first by default. Sets the work's target to its faces.
+
+    Raises InputError if fewer dice are found than the recipe picks from, and as `design_handsome`.
+    """
+    recipe = work.recipe
+    wanted = max(recipe.candidates, recipe.pick)
+    found, measured = list[_Die](), list[Candidate]()
+    for die in _design_dice(work, wanted):
+        found.append(die)
+        measured.append(_measure(work, die, full=wanted > 1))
+        work.callbacks.on_part(len(found), len(found) + 1, "dice")
+        if wanted == 1 and not measured[-1].lacks:
+            break
+    # Dice that lack nothing stay in the order of the rule.
+    order = sorted(range(len(found)), key=lambda number: measured[number].shortfall)[:wanted]
+    if len(order) < recipe.pick:
+        raise InputError(
+            f"pick: expected 1 to {len(order)}, as so many dice were found, got {recipe.pick}; "
+            "take one of these"
+        )
+    work.candidates = tuple(measured[number] for number in order)
+    chosen, facts = found[order[recipe.pick - 1]], work.candidates[recipe.pick - 1]
+    work.target = chosen.target
+    lacks = f"; it lacks {', '.join(facts.lacks)}" if facts.lacks else ""
+    work.notes.append(f"faces: {facts.name}, the best of {len(found)} dice compared{lacks}")
+    if recipe.pick > 1:
+        work.notes[-1] = f"faces: {facts.name}, number {recipe.pick} of {len(found)} dice{lacks}"
+    work.callbacks.on_shape(chosen.design.hull, chosen.design.directions)
+    work.callbacks.on_step(chosen.design.steps[-1])
+    return chosen.design
+
+
+def _design_dice(work: Work, wanted: int) -> Iterator[_Die]:
+    """Yield dice in the order of the rule."""
+    recipe, plain = work.recipe, work.target
+    most = max(1, (wanted + 1) // 2)
+    if recipe.faces == AUTO:
+        numbers = list(islice(numbers_of_equal_faces(plain.probabilities), most))
+        yield from (_of_equal_faces(plain, number) for number in numbers)
+        near = [number for number in NUMBERS if number >= max(len(plain.labels), 6)]
+    else:
+        assert isinstance(recipe.faces, int)
+        if recipe.faces in numbers_of_equal_faces(plain.probabilities):
+            yield _of_equal_faces(plain, recipe.faces)
+        near = [recipe.faces]
+    table = recipe.method.options.table_with_hand
+    thrown = None if recipe.purpose == "setting-down" else ThrowProbabilities.on(table)
+    shares = [share_faces(plain.probabilities, number) for number in near]
+    shares.sort(key=lambda one: (max(one.cost, EVEN_SHARES), len(one.outcome)))
+    left = most
+    for one in shares:
+        die = _of_near_faces(work, one, thrown)
+        if die is not None:
+            yield die
+            left -= 1
+        if left == 0 and wanted > 1:
+            break
+    if recipe.faces == AUTO:
+        yield _Die("one face an outcome", plain, design_handsome(work))
+
+
+def _of_equal_faces(plain: Target, faces: int) -> _Die:
+    """Die of equal faces, which each outcome has a whole number of."""
+    body = equal_faces_body(faces)
+    assert body is not None
+    counts = np.round(plain.probabilities * faces).astype(np.int64)
+    outcome = np.repeat(np.arange(len(counts)), counts)
+    target = _target(plain, outcome, np.full(faces, 1.0 / faces), keeps_shares=True)
+    parameters = np.concatenate([body.normals.ravel(), np.zeros(faces)])
+    hull = convex_hull(FacetCoordinates(np.zeros(3)).shape(parameters).points)
+    design = _design(target, hull, body.normals, Step(0, 0.0, 0.0, 0.0), 1, body.group)
+    return _Die(f"{body.name} of {faces} equal faces", target, design, is_equal=True)
+
+
+def _of_near_faces(
+    work: Work, shares: FaceShares, thrown: ThrowProbabilities | None
+) -> _Die | None:
+    """Die of nearly equal faces; None if no starting shape leads to one."""
+    recipe, plain, started = work.recipe, work.target, time.perf_counter()
+    best: OutcomeSumsDie | None = None
+    for number in range(CODES):
+        start = weighted_code(shares.shares, CODES * recipe.seed + number)
+        die = solve_outcome_sums(
+            plain.probabilities, shares.outcome, *start, thrown, recipe.purpose != "throwing"
+        )
+        if die is not None and die.error < SOLVED and (best is None or die.strain < best.strain):
+            best = die
+        if best is not None and best.strain < MAX_STRAIN:
+            break
+    if best is None:
+        return None
+    order = np.argsort(shares.outcome, kind="stable")
+    target = _target(plain, shares.outcome[order], shares.shares[order])
+    step = Step(0, time.perf_counter() - started, best.strain, best.error)
+    design = _design(target, best.hull, best.normals[order], step, best.evaluations)
+    return _Die(f"{len(order)} nearly equal faces", target, design)
+
+
+def _target(plain: Target, outcome: Integers, shares: Floats, keeps_shares: bool = False) -> Target:
+    """Target with faces (f,) of the outcomes, in their order."""
+    return Target(tuple(plain.labels[k] for k in outcome.tolist()), shares, keeps_shares)
+
+
+def _design(
+    target: Target,
+    hull: ConvexHull,
+    directions: Floats,
+    step: Step,
+    evaluations: int,
+    symmetry: str | None = None,
+) -> Design:
+    assert step.max_abs_error is not None
+    return Design(
+        status=Status.CONVERGED,
+        hull=hull,
+        directions=directions,
+        error=step.max_abs_error,
+        steps=(step,),
+        starts=1,
+        evaluations=evaluations,
+        hulls=HullCounts(evaluations, 0),
+        outcome_of=target.outcome_of_face,
+        symmetry=symmetry,
+    )
+
+
+def _measure(work: Work, die: _Die, full: bool) -> Candidate:
+    """What distinguishes a die from others. full: also its weight, at the size that its labels
+    need."""
+    recipe, design = work.recipe, die.design
+    solid = make_solid(design, recipe.size_mm)
+    hull, facets = solid.poses.hull, solid.poses.facets[solid.outcomes.main]
+    forecast = forecast_throws(work, solid, design, die.target)
+    thrown = (0.0, 0.0) if forecast is None else (forecast.total_variation, forecast.nine_in_ten)
+    looks = rate_looks(hull, hull.normals[facets], design.outcome_of)
+    read = "auto" if recipe.engrave is None else recipe.engrave.read
+    try:
+        is_down = die_readings(hull, facets, die.target.face_labels, read)[0].way == "down"
+    except EngravingError:
+        is_down = True
+    # Each is 1 at the limit.
+    flaws = {
+        "labels on top": 2.0 * (is_down and read != "down"),
+        "room for labels": MIN_LABEL / looks.circle,
+        "a compact shape": MIN_COMPACT / looks.quotient,
+    }
+    if recipe.purpose != "setting-down":
+        flaws["a small error when thrown"] = thrown[0] / MAX_THROWN
+        flaws["a small error in nine of ten hands"] = thrown[1] / MAX_HANDS
+    lacks = {} if die.is_equal else {name: flaw for name, flaw in flaws.items() if flaw > 1.0}
+    size_mm, weight = recipe.size_mm, None
+    if full:
+        probe = work.copy()
+        probe.die, probe.target = design, die.target
+        if work.enlarge and recipe.engrave is not None:
+            enlarge(probe)
+            size_mm = probe.recipe.size_mm
+        if recipe.print is not None:
+            volume = hull.surface.volume * (size_mm / hull.diameter) ** 3
+            weight = volume * recipe.print.density / 1000.0
+    return Candidate(
+        name=die.name,
+        faces=len(facets),
+        thrown=thrown[0],
+        nine_in_ten=thrown[1],
+        looks=looks.measure,
+        quotient=looks.quotient,
+        is_read_on_top=not is_down,
+        label_mm=looks.circle * size_mm,
+        size_mm=size_mm,
+        weight_g=weight,
+        prints=looks.print_variation,
+        lacks=tuple(lacks),
+        shortfall=sum(flaw - 1.0 for flaw in lacks.values()),
+    )
