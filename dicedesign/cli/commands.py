@@ -136,6 +136,12 @@ class DesignArguments(WithItem, WithResults):
     seed (N): random seed; another seed gives another shape (default: 0)
     size_mm (X): largest distance between two corners (default: 30, enlarged if the labels need it;
         30 with --mesh)
+    faces (auto|one|N): number of faces: the best of many dice, one an outcome, or an even number
+        (default: auto)
+    for_ (both|throwing|setting-down): what the die is for (default: both)
+    table (NAME|FILE.json): table that it is thrown onto (default: board-game)
+    candidates (N): compare so many dice, in a table and a picture (default: 1)
+    pick (K): make number K of them instead of the best
 
     Example: dicedesign design --target 1/2,1/3,1/6 --labels A,B,C"""
 
@@ -146,6 +152,11 @@ class DesignArguments(WithItem, WithResults):
     name: str = "die"
     seed: int = 0
     size_mm: float | None = None
+    faces: str | None = None
+    for_: str | None = None
+    table: str | None = None
+    candidates: int | None = None
+    pick: int | None = None
 
 
 @dataclass

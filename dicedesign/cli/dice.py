@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -28,7 +30,7 @@ from dicedesign.recipe.reading import parse_recipe, parse_target, read_recipe
 
 if TYPE_CHECKING:
     from dicedesign.recipe.recipe import Recipe
-    from dicedesign.results.parts import RoundOfThrows
+    from dicedesign.results.parts import Candidate, RoundOfThrows
     from dicedesign.results.result import Result, Step
 
 OPTION_OF_KEY = (
@@ -39,9 +41,16 @@ OPTION_OF_KEY = (
     (r"seed", "--seed"),
     (r"size_mm", "--size-mm"),
     (r"start\.mesh(\.path)?", "--mesh"),
+    (r"method\.exact\.table", "--table"),
+    (r"purpose", "--for"),
+    (r"(faces|candidates|pick)", r"--\1"),
 )
 """Recipe keys at the start of error messages, as regular expressions, and the options that set
 them."""
+
+
+GREEN, YELLOW, RED = 32, 33, 31
+"""Colors of terminals (ECMA-48) for dice that converged, that have a warning, and that failed."""
 
 
 def run_recipe(options: RunArguments) -> int:
@@ -67,6 +76,24 @@ def design(options: DesignArguments) -> int:
         entries["method"] = {"concave": {}}
     if options.size_mm is not None:
         entries["size_mm"] = options.size_mm
+    faces = options.faces
+    entries |= {
+        key: value
+        for key, value in (
+            ("faces", int(faces) if faces is not None and faces.isdecimal() else faces),
+            ("purpose", options.for_),
+            ("candidates", options.candidates),
+            ("pick", options.pick),
+        )
+        if value is not None
+    }
+    if options.table is not None:
+        entries["method"] = {"exact": {"table": options.table}}
+        if options.mesh is not None:
+            raise InputError(
+                "--table: expected no --mesh with it, as such dice are for setting down, got both; "
+                "leave one of them out"
+            )
     with _name_options():
         recipe = parse_recipe(entries)
     return _run(recipe, options, enlarge=options.size_mm is None and options.mesh is None)
@@ -157,7 +184,9 @@ def _print_result(result: Result) -> None:
     For a thrown die the table also has the probabilities by model and by throws, for a concave die
     a row for all rests without an outcome.
     """
-    print(f"{result.name}: {result.message}")
+    print(f"{result.name}: {_colored(result)}")
+    if len(result.candidates) > 1:
+        print(_candidate_table(result.candidates))
     probabilities: dict[str, Sequence[float]] = {
         "target": result.target,
         "die_plain.stl": result.probabilities,
@@ -204,6 +233,33 @@ def _print_result(result: Result) -> None:
     if result.tolerances is not None:
         print(result.tolerances.answer)
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
+
+
+def _colored(result: Result) -> str:
+    """Message of a result; on a terminal its first line is green, yellow with a warning, or red."""
+    if not sys.stdout.isatty() or "NO_COLOR" in os.environ:
+        return result.message
+    color = YELLOW if result.is_warned else GREEN if result.converged else RED
+    first, _, rest = result.message.partition("\n")
+    return f"\x1b[{color}m{first}\x1b[0m\n{rest}"
+
+
+def _candidate_table(candidates: Sequence[Candidate]) -> str:
+    """Table of what distinguishes dice with different numbers of faces."""
+    numbers = range(1, len(candidates) + 1)
+    return text_table(
+        ("pick", ">", numbers),
+        ("die", "", [one.name for one in candidates]),
+        ("thrown off %", ".1f", [100.0 * one.thrown for one in candidates]),
+        ("9 of 10 hands %", ".1f", [100.0 * one.nine_in_ten for one in candidates]),
+        ("prints %", ".1f", [100.0 * one.prints for one in candidates]),
+        ("looks", ".2f", [one.looks for one in candidates]),
+        ("read on top", "", ["yes" if one.is_read_on_top else "no" for one in candidates]),
+        ("label mm", ".1f", [one.label_mm for one in candidates]),
+        ("size mm", "g", [one.size_mm for one in candidates]),
+        ("g", ">", _texts([one.weight_g for one in candidates], ".1f")),
+        ("lacks", "", [", ".join(one.lacks) for one in candidates]),
+    )
 
 
 def sweep(options: SweepArguments) -> int:

@@ -229,7 +229,9 @@ def _add_options(parser: argparse.ArgumentParser, kind: type[Command]) -> None:
                 settings |= {"nargs": "?", "default": None}
         if field.kw_only:
             settings["required"] = field.default is MISSING
-            name = "--" + name.replace("_", "-")
+            settings["dest"] = name
+            # `for` is a word of Python, so its field is `for_`.
+            name = "--" + name.rstrip("_").replace("_", "-")
         if field.default is MISSING:
             usage.append(f"{name} {metavar}" if field.kw_only else metavar or "")
         (group if field.name in kind.one_of else parser).add_argument(name, **settings)

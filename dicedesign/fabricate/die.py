@@ -222,6 +222,7 @@ class FinishedDie:
     repaired: the mesh that was repaired to the surface before, if any.
     thrown: results of a thrown die on its table.
     reading: way to read a die with labels; its places are in the order of `engraved.placements`.
+    candidates: hulls of `result.candidates`, in their order.
     """
 
     result: Result
@@ -234,6 +235,7 @@ class FinishedDie:
     repaired: RepairedMesh | None = None
     thrown: ThrownDie | None = None
     reading: Reading | None = None
+    candidates: tuple[ConvexHull, ...] = ()
 
     @property
     def printed(self) -> Surface:

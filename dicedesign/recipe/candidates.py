@@ -102,6 +102,7 @@ def design_candidates(work: Work) -> Design:
             "take one of these"
         )
     work.candidates = tuple(measured[number] for number in order)
+    work.candidate_hulls = tuple(found[number].design.hull for number in order)
     chosen, facts = found[order[recipe.pick - 1]], work.candidates[recipe.pick - 1]
     work.target = chosen.target
     lacks = f"; it lacks {', '.join(facts.lacks)}" if facts.lacks else ""
@@ -139,7 +140,12 @@ def _design_dice(work: Work, wanted: int) -> Iterator[_Die]:
         if left == 0 and wanted > 1:
             break
     if recipe.faces == AUTO:
-        yield _Die("one face an outcome", plain, design_handsome(work))
+        design, name = design_handsome(work), "one face an outcome"
+        # Its note would speak of a die that may not be made.
+        work.notes.pop()
+        if design.symmetry is not None:
+            name += f", symmetry {design.symmetry}"
+        yield _Die(name, plain, design)
 
 
 def _of_equal_faces(plain: Target, faces: int) -> _Die:

@@ -241,4 +241,5 @@ def make_finished_die(work: Work) -> FinishedDie:
         repaired=work.repaired,
         thrown=work.thrown,
         reading=work.reading,
+        candidates=work.candidate_hulls,
     )

@@ -9,7 +9,6 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from decimal import ROUND_CEILING, Context
 from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
@@ -49,6 +48,7 @@ from dicedesign.throws.engines import CONTACT_LAW
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import Assessment, Design, Solid
     from dicedesign.fabricate.label_layout import Reading
+    from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.triangles import Surface
@@ -79,7 +79,7 @@ class Work:
     status: status of the die; remarks: phrases of the message; notes: repairs and assumptions.
     concave, search, balance, inside, throws, printability, tolerances, infill: parts of `Result`.
     forecast: expected frequencies when thrown, None if unknown. candidates: dice with different
-        numbers of faces that were compared, the best first.
+        numbers of faces that were compared, the best first; candidate_hulls: their shapes.
     extra: plain data by name, from stages outside the package.
     resume_note: sentence on how to resume after an interrupt; empty without a checkpoint.
     images: PNG or GIF figures by name; files: contents by file name.
@@ -116,6 +116,7 @@ class Work:
     infill: InfillProbabilities | None = None
     forecast: ThrowForecast | None = None
     candidates: tuple[Candidate, ...] = ()
+    candidate_hulls: tuple[ConvexHull, ...] = ()
     extra: dict[str, Any] = field(default_factory=dict)
     resume_note: str = ""
     images: dict[str, bytes] = field(default_factory=dict)
@@ -161,31 +162,10 @@ class Work:
 
     @property
     def message(self) -> str:
-        """Verdict in one sentence, and a second line with status and remarks."""
-        method, measured = self.recipe.method, self.throws and self.throws.simulated
-        subject = "die.stl" if self.engraved and self.engraved.assessment else "The die"
-        error, most = self.final.max_abs_error, method.tolerance
-        if method.is_thrown:
-            subject, error = "By the momentum model the die", self.design_error
-        # Rounded up to two digits, without an exponent.
-        rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(100.0 * error)
-        off = f"at most {rounded.normalize():f} percentage points"
-        if error < INVISIBLE:
-            off = "less than a millionth of a percentage point"
-        has = "nearly has" if error > NEARLY else "has"
-        if measured:
-            subject, has = f"Thrown {measured.drops:,} times, the die", "has"
-            error, most = measured.total_variation, method.options.refine.within
-            chance = measured.noise_floor
-            off = f"a total variation of {error:.2g} ({most:.2g} allowed, {chance:.2g} by chance)"
-        flaw, _, _ = self.status.value.partition(";")
-        if self.status is Status.CONVERGED:
-            verdict = f"{subject} {has} your probabilities: off by {off}."
-        elif error <= most:
-            verdict = f"{subject} {has} your probabilities, but {flaw}."
-        else:
-            verdict = f"{subject} does not have your probabilities: off by {off}."
-        return f"{verdict}\n{self.status.name.lower()}: {'; '.join(self.remarks)}"
+        """See `describe_verdict`."""
+        from dicedesign.recipe.verdict import describe_verdict
+
+        return describe_verdict(self)
 
     def fail(self, status: Status) -> None:
         """Replace the status of a converged die."""
@@ -271,12 +251,6 @@ class Stage(Extension):
     wanted: Callable[[Work], bool] = lambda work: True
     after: str | None = None
 
-
-INVISIBLE = 1e-8
-"""Largest |p - q| below which the verdict gives no digits: a millionth of a percentage point."""
-
-NEARLY = 1e-3
-"""Largest |p - q| at which the verdict says "has your probabilities", not "nearly has"."""
 
 METHODS = {
     "exact": "dicedesign.recipe.convex:design_exact",

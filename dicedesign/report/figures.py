@@ -134,6 +134,16 @@ FIGURES = Registry(
             instead_of="bars",
         ),
         _figure(
+            "candidates",
+            "solid_figures:candidates",
+            lambda die: len(die.result.candidates) > 1,
+            "dice with different numbers of faces that were compared",
+            "Dice that were compared",
+            "Dice with your probabilities and different numbers of faces, at the sizes that their "
+            "labels need, the best first. The table below says what distinguishes them; `--pick K` "
+            "makes number K.",
+        ),
+        _figure(
             "repair",
             "surface_figures:repair",
             lambda die: die.repaired is not None,

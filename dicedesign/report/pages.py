@@ -263,7 +263,11 @@ def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part
             center=", ".join(f"{round(value, 3) + 0.0:.3f}" for value in result.center_of_mass),
             tabletop=None if result.thrown is None else Table(**result.thrown.table),
             engine=None if simulated is None else ENGINES[simulated.engine],
-            advice=throwing_advice(result.thrown, result.prior),
+            advice=throwing_advice(
+                result.thrown,
+                result.prior,
+                can_be_thrown=result.forecast is not None and not result.is_warned,
+            ),
             drafts=[] if search is None else _best_drafts(search),
             flaws=partial(_flaws, search),
             material=None if print_facts is None else MATERIALS[print_facts.material].title,
@@ -321,13 +325,22 @@ def _small_picture(solid: Surface, up: Floats) -> bytes:
     return encode_png(render(surface, camera, 220))
 
 
-def throwing_advice(thrown: TableResult | None, prior: str | None = None) -> str:
-    """Instructions to throw a die by hand, depending on its table or its prior."""
+def throwing_advice(
+    thrown: TableResult | None, prior: str | None = None, *, can_be_thrown: bool = False
+) -> str:
+    """Instructions to throw a die by hand, depending on its table or its prior.
+
+    can_be_thrown: whether a die for setting down has its probabilities when thrown too.
+    """
     if prior is not None:
         return (
             f"Let it go gently, in orientations drawn from the prior {prior}, whose directions "
             "point down in the coordinates of die.stl: the probabilities hold for these, without "
             "momentum. From uniform orientations, or thrown, the die has other probabilities."
+        )
+    if thrown is None and can_be_thrown:
+        return (
+            "Throw it, or set it down gently in any orientation: the probabilities hold for both."
         )
     if thrown is None:
         return (

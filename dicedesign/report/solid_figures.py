@@ -82,6 +82,20 @@ def views(die: FinishedDie) -> Sheet:
     return picture_grid(pictures, list(SIDES), 4)
 
 
+def candidates(die: FinishedDie) -> Sheet:
+    """Dice that were compared, each at its size, from one side."""
+    compared, pictures = die.result.candidates, []
+    largest = max(one.size_mm for one in compared)
+    camera = Camera(np.array([1.0, -0.8, 0.55]), UP)
+    for hull, one in zip(die.candidates, compared, strict=True):
+        points = (hull.vertices - hull.centroid) / hull.diameter
+        frame = points * largest / one.size_mm
+        mesh = RenderMesh(points, hull.triangles, smooth=False)
+        pictures.append(render(mesh, frame_cameras([camera], [frame])[0], VIEW_PIXELS))
+    names = [f"{number}: {one.name}" for number, one in enumerate(compared, start=1)]
+    return picture_grid(pictures, names, min(len(names), 3))
+
+
 def print_orientation(die: FinishedDie) -> Sheet:
     """Die in its best print orientation, from the side and from beneath: parts that touch the print
     bed are blue, and parts that need supports are red."""

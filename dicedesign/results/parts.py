@@ -346,10 +346,10 @@ class TableResult:
     by_table: ByTable | None = None
 
 
-RARELY_OFF = 0.02
+MAX_THROWN_OFF = 0.02
 """Total variation from the target beyond which a thrown die gets a warning."""
 
-MUCH_OFF = 0.25
+MAX_OUTCOME_OFF = 0.25
 """The same for an outcome's error over its probability."""
 
 
@@ -370,16 +370,11 @@ class ThrowForecast:
     total_variation: float
     nine_in_ten: float
 
-    def most_off(self, target: Numbers) -> int:
-        """Number of the outcome with the largest error over its probability."""
-        errors = [abs(p / q - 1.0) for p, q in zip(self.probabilities, target, strict=True)]
-        return errors.index(max(errors))
-
     def is_off(self, target: Numbers) -> bool:
         """Whether the die does not have its target when thrown."""
-        worst = self.most_off(target)
-        error = abs(self.probabilities[worst] / target[worst] - 1.0)
-        return self.total_variation > RARELY_OFF or error > MUCH_OFF
+        pairs = zip(self.probabilities, target, strict=True)
+        error = max(abs(p / q - 1.0) for p, q in pairs)
+        return self.total_variation > MAX_THROWN_OFF or error > MAX_OUTCOME_OFF
 
 
 @dataclass(frozen=True)

@@ -340,6 +340,13 @@ class Result:
         return self.status == Status.CONVERGED.name.lower()
 
     @property
+    def is_warned(self) -> bool:
+        """Whether the die meets its target when set down, but not when thrown."""
+        if not self.converged or self.thrown is not None or self.forecast is None:
+            return False
+        return self.forecast.is_off(self.target)
+
+    @property
     def error_before(self) -> float:
         """Error of the original surface of a concave die: largest |p - q|, or the total
         probability of other rests. Raises InputError for another die."""
