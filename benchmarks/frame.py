@@ -42,6 +42,7 @@ from dicedesign.recipe.pipeline import Work, run_stages
 BENCHES = (
     "accuracy",
     "concave",
+    "default_dice",
     "design",
     "exact",
     "figure_10",

@@ -40,8 +40,8 @@ from dicedesign.results.parts import Candidate, Status
 from dicedesign.results.result import HullCounts, Step
 from dicedesign.runtime.arrays import Floats, Integers
 
-NUMBERS = (12, 16, 20, 24, 30, 36, 42, 48)
-"""Numbers of nearly equal faces that are tried."""
+NUMBERS = tuple(range(24, 50, 2))
+"""Numbers of nearly equal faces that are tried. With fewer the momentum model errs more."""
 
 EVEN_SHARES = 0.05
 """Cost of the shares of faces up to which the smallest number of faces comes first."""
