@@ -11,6 +11,7 @@ unnoticed. Lengths are in millimeters.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -316,7 +317,9 @@ def print_tolerances(
     off = total_variations(target, every[:, :-1])
     nine_in_ten = float(np.quantile(off, 0.9))
     if copies.is_flat:
-        answer = _describe_accuracy(allowed, errors.dimensional_mm)
+        answer = _describe_accuracy(
+            allowed, errors.dimensional_mm, copies.poses.hull.diameter, printer.name
+        )
     else:
         *shares, other = (f"{100.0 * share:.2g}" for share in every.mean(axis=0))
         answer = (
@@ -362,22 +365,28 @@ def _allowed_offset(excess: Callable[[float], float], size: float) -> float | No
     return float(brentq(excess, least, most, xtol=CLOSENESS * most))
 
 
-def _describe_accuracy(allowed: float | None, assumed: float) -> str:
-    """How precisely the facets of a die must be placed, in a sentence; both in mm."""
+def _describe_accuracy(allowed: float | None, assumed: float, size: float, printer: str) -> str:
+    """Whether prints are right within chance, in a sentence. allowed, assumed: standard deviation of
+    the place of each facet; size: of the die; all in mm."""
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
         return (
-            f"{ROLLS:,} rolls rarely reveal how far each face is off: nearly all shapes of this "
-            "die have its probabilities."
+            f"Your print will be right within chance for {ROLLS:,} rolls, however far each face is "
+            "off: nearly all shapes of this die have its probabilities."
         )
     if allowed == 0.0:
         return (
             f"{ROLLS:,} rolls reveal that this die is not exact, however well it is printed: a "
             f"chi-square test at {level} rejects more than {noticed} of perfect prints."
         )
+    limits = (
+        f"(a chi-square test at {level} rejects {noticed} of prints whose faces are off by "
+        f"{allowed:.2g} mm; {printer} is assumed to place them within {assumed:.2g} mm, both as "
+        "standard deviations)"
+    )
+    if allowed >= assumed:
+        return f"Your print will be right within chance for {ROLLS:,} rolls {limits}."
     return (
-        f"If your printer places each face within about {allowed:.2g} mm, {ROLLS:,} rolls rarely "
-        f"reveal an error. Yours is assumed to place it within {assumed:.2g} mm; both are standard "
-        f"deviations. A chi-square test at {level} rejects {noticed} of prints that are off by "
-        f"{allowed:.2g} mm, and {level} of perfect dice."
+        f"Your print will not be right within chance for {ROLLS:,} rolls at this size, but from "
+        f"{math.ceil(size * assumed / allowed)} mm on, or on a finer printer {limits}."
     )
