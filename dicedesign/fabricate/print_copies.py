@@ -366,8 +366,8 @@ def _allowed_offset(excess: Callable[[float], float], size: float) -> float | No
 
 
 def _describe_accuracy(allowed: float | None, assumed: float, size: float, printer: str) -> str:
-    """Whether prints are right within chance, in a sentence. allowed, assumed: standard deviation of
-    the place of each facet; size: of the die; all in mm."""
+    """Whether prints are right within chance, in a sentence. allowed, assumed: standard deviations
+    of the place of each facet; size: of the die; all in mm."""
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
         return (
