@@ -19,6 +19,7 @@ from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.starts.shapes import about_centroid
 from dicedesign.optimize.starts.start import Task, build_start
+from dicedesign.optimize.targets import Target
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.parts import Status
@@ -26,6 +27,13 @@ from dicedesign.tolerances import EQUAL_PROBABILITIES, MOST_MM
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
+
+
+SELDOM_PROBABILITY = 1e-3
+"""Probability below which a note says that an outcome hardly ever comes up."""
+
+DOMINANT_PROBABILITY = 0.9
+"""Probability above which a note says what a die looks like."""
 
 
 def make_start(work: Work) -> None:
@@ -37,6 +45,7 @@ def make_start(work: Work) -> None:
     table, or the art of a label is invalid.
     """
     recipe, paper = work.recipe, work.recipe.method.paper
+    work.notes += _describe_extremes(work.target)
     if recipe.method.concave is not None:
         _make_surface(work, recipe.method.concave.points)
     else:
@@ -57,6 +66,27 @@ def make_start(work: Work) -> None:
             label_arts(label, recipe.engrave)
 
 
+def _describe_extremes(target: Target) -> Iterator[str]:
+    """Yield a sentence on the rarest and the most frequent outcome, if they are extreme."""
+    order = np.argsort(target.probabilities)
+    (rare, rarest), (frequent, most) = (
+        (target.labels[k], float(target.probabilities[k])) for k in order[[0, -1]]
+    )
+    texts = []
+    if most > DOMINANT_PROBABILITY:
+        texts.append(
+            f"{frequent} comes up in {100.0 * most:.4g} % of throws, as its face is by far the "
+            "largest: the die is flat like a coin or long like a needle"
+        )
+    if rarest < SELDOM_PROBABILITY:
+        texts.append(
+            f"{rare} comes up once in {1.0 / rarest:,.0f} throws, so hardly ever, as its face is "
+            "small"
+        )
+    if texts:
+        yield "; ".join(texts)
+
+
 def _make_surface(work: Work, points: int | None) -> None:
     """Read the surface and remesh it to a number of points, None to keep its own."""
     from dicedesign.geometry.surfaces.closed_surface import decimate, refine, require_dents
@@ -68,6 +98,12 @@ def _make_surface(work: Work, points: int | None) -> None:
     source = start.kind.surface(start.options, most)
     work.surface, work.repaired = source.surface, source.repair
     work.notes += source.notes
+    extent = float(np.ptp(source.surface.points, axis=0).max())
+    if extent < 1.0 and start.mesh is not None:
+        work.notes.append(
+            f"{start.mesh.path}: {extent:.3g} long, so probably in meters, not millimeters; "
+            f"whatever its unit, the die gets a size of {work.recipe.size_mm:g} mm"
+        )
     require_dents(source.surface)
     if points is not None:
         remesh = refine if len(source.surface.points) < points else decimate
