@@ -109,7 +109,8 @@ def read_shorthand(text: str) -> dict[str, Any] | None:
             shift += sign * int(constant)
             continue
         number, kind = int(count or 1), "%" if kind == "00" else kind.upper()
-        values = {"F": range(-1, 2), "%": range(0, 100, 10)}.get(kind) or range(1, int(kind) + 1)
+        special: dict[str, Sequence[int]] = {"F": range(-1, 2), "%": range(0, 100, 10)}
+        values = special.get(kind) or range(1, int(kind) + 1)
         if end is None:
             rolls += [(sign, values, 1, 1)] * number
             kinds.add(kind if kind in "F%" else "plain" if sign > 0 else "less")
