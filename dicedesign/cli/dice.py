@@ -52,8 +52,7 @@ OPTION_OF_KEY = (
 """Recipe keys at the start of error messages, as regular expressions, and the options that set
 them."""
 
-
-LEAST_MM = 1.0
+MIN_SIZE_MM = 1.0
 """Smallest size of a die without a recipe; a smaller one is probably meant in meters."""
 
 
@@ -90,11 +89,11 @@ def design(options: DesignArguments) -> int:
             entries["size_mm"] = options.size_mm
         resolve_paths(entries, Path())
         recipe = parse_recipe(entries)
-        if recipe.size_mm < LEAST_MM:
+        if recipe.size_mm < MIN_SIZE_MM:
             guess = 1000.0 * recipe.size_mm
             raise InputError(
-                f"size_mm: expected at least {LEAST_MM:g} mm, got {recipe.size_mm:g}; "
-                + (f"did you mean {guess:g}?" if guess >= LEAST_MM else "write such as 30")
+                f"size_mm: expected at least {MIN_SIZE_MM:g} mm, got {recipe.size_mm:g}; "
+                + (f"did you mean {guess:g}?" if guess >= MIN_SIZE_MM else "write such as 30")
             )
         return _run(recipe, options, enlarge=options.size_mm is None)
 

@@ -143,7 +143,7 @@ def _read_lengths(entries: Any, key: str = "") -> Any:
         }
     if not isinstance(entries, str) or not key.endswith("_mm"):
         return entries
-    length = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]*)\s*", entries)
+    length = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]*)\s*", entries.lower())
     if length is None or length[2] not in UNITS_MM:
         raise RecipeError(
             f"{key}: expected a length in mm such as 30, or with a unit such as 30mm, 3cm or "

@@ -19,7 +19,6 @@ from dicedesign.geometry.hulls.polygons import facet_inradius
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.starts.shapes import about_centroid
 from dicedesign.optimize.starts.start import Task, build_start
-from dicedesign.optimize.targets import Target
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.parts import Status
@@ -27,7 +26,6 @@ from dicedesign.tolerances import EQUAL_PROBABILITIES, MOST_MM
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
-
 
 SELDOM_PROBABILITY = 1e-3
 """Probability below which a note says that an outcome hardly ever comes up."""
@@ -45,7 +43,18 @@ def make_start(work: Work) -> None:
     table, or the art of a label is invalid.
     """
     recipe, paper = work.recipe, work.recipe.method.paper
-    work.notes += _describe_extremes(work.target)
+    labels, probabilities = work.target.labels, work.target.probabilities
+    if probabilities.max() > DOMINANT_PROBABILITY:
+        work.notes.append(
+            f"{labels[probabilities.argmax()]} comes up in {100.0 * probabilities.max():.4g} % of "
+            "throws, as its side is by far the largest: the die is flat like a coin or long like a "
+            "needle"
+        )
+    if probabilities.min() < SELDOM_PROBABILITY:
+        work.notes.append(
+            f"{labels[probabilities.argmin()]} comes up once in {1.0 / probabilities.min():,.0f} "
+            "throws, so hardly ever, as its side is small"
+        )
     if recipe.method.concave is not None:
         _make_surface(work, recipe.method.concave.points)
     else:
@@ -64,27 +73,6 @@ def make_start(work: Work) -> None:
         # Raises if the art of a label is invalid.
         for label in work.target.labels:
             label_arts(label, recipe.engrave)
-
-
-def _describe_extremes(target: Target) -> Iterator[str]:
-    """Yield a sentence on the rarest and the most frequent outcome, if they are extreme."""
-    order = np.argsort(target.probabilities)
-    (rare, rarest), (frequent, most) = (
-        (target.labels[k], float(target.probabilities[k])) for k in order[[0, -1]]
-    )
-    texts = []
-    if most > DOMINANT_PROBABILITY:
-        texts.append(
-            f"{frequent} comes up in {100.0 * most:.4g} % of throws, as its face is by far the "
-            "largest: the die is flat like a coin or long like a needle"
-        )
-    if rarest < SELDOM_PROBABILITY:
-        texts.append(
-            f"{rare} comes up once in {1.0 / rarest:,.0f} throws, so hardly ever, as its face is "
-            "small"
-        )
-    if texts:
-        yield "; ".join(texts)
 
 
 def _make_surface(work: Work, points: int | None) -> None:

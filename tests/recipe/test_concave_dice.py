@@ -288,8 +288,8 @@ def test_notes_on_what_may_surprise(
     cube = trimesh.load(mesh, process=False)
     cube.apply_scale(scale).export(mesh)
     notes = design_recipe(read_recipe(recipe_path, [f"target={target}"]), last="start").notes
-    assert len(notes) == bool(words)
-    assert all(word in notes[0] for word in words)
+    assert len(notes) == len(words)
+    assert all(word in note for word, note in zip(words, notes, strict=True))
 
 
 # Checkpoints.
