@@ -91,9 +91,8 @@ class WithResults(Command):
     printer (NAME): check printability for fdm (filament), sla (resin) or sls (powder), and write
         die_oriented.stl, oriented for the print bed
     no_figures: skip the figures and the report page
-    no_clock: omit run times and memory, so that two runs are identical byte for byte
-    resume: resume an interrupted concave die, or die for a table, from the checkpoint in the
-        folder"""
+    no_clock: omit run times and memory: two runs give the same bytes
+    resume: resume an interrupted concave die, or die for a table"""
     out: Path | None = None
     files: str | None = None
     printer: str | None = None
@@ -119,23 +118,28 @@ class RunArguments(WithResults):
     set: tuple[str, ...] = ()
 
 
-@dataclass(kw_only=True)
+@dataclass
 class DesignArguments(WithItem, WithResults):
     help_text = """Make a printable die from probabilities.
 
-    Writes the engraved die, its recipe, result.json and a report. The shape is searched, or a mesh
-    is bent into a die (--mesh).
+    Writes the engraved die, its recipe, result.json and a report.
 
     Options:
-    target (TEXT): dice such as d7, 2d6 or 4dF; probabilities that sum to 1, such as 1/2,1/3,1/6 or
-        50%,30%,20%; weights such as 1:2:3; or a target of a recipe, such as 'binomial: 4'
-    labels (a,b,...): a label for each probability; equal ones are one outcome (default: 1,2,...)
+    text (TARGET): dice such as d7, 2d6+1, 4d6kh3, d% or 4dF; probabilities such as 1/2,1/3,1/6 or
+        50%,30%,20%; weights such as 1:2:3; or a recipe's, such as 'binomial: 4'
+    target (TEXT): same as TARGET
+    labels (a,b,...): a label for each probability; equal ones are one outcome (default: 1,2,...;
+        none on a mesh)
+    icons (a=SVG,...): pictures in place of labels, such as 6=skull.svg
+    pips: dots in place of numbers
+    font (NAME): installed font of the labels, or a .ttf or .otf file
+    edges (X|chamfer): round them with a radius of X mm, or cut them flat
     mesh (FILE): bend this closed surface (OBJ, STL, ...) into a die, as little as possible
     repair: repair the mesh first if it is not a closed surface of one solid
     name (NAME): name of the die, whose folder has dashes for spaces (default: die)
-    seed (N): random seed; another seed gives another shape (default: 0)
-    size_mm (X): largest distance between two corners (default: 30, enlarged if the labels need it;
-        30 with --mesh)
+    seed (N): random seed; another gives another shape (default: 0)
+    size_mm (X): largest distance between two corners, such as 25 or 1.2in (default: 30, enlarged if
+        the labels need it)
     faces (auto|one|N): number of faces: the best of many dice, one an outcome, or an even number
         (default: auto)
     for_ (both|throwing|setting-down): what the die is for (default: both)
@@ -143,20 +147,27 @@ class DesignArguments(WithItem, WithResults):
     candidates (N): compare so many dice, in a table and a picture (default: 1)
     pick (K): make number K of them instead of the best
 
-    Example: dicedesign design --target 1/2,1/3,1/6 --labels A,B,C"""
+    Example: dicedesign design 1/2,1/3,1/6 --labels A,B,C"""
 
-    target: str
+    text: str | None = None
+    _: KW_ONLY
+    target: str | None = None
     labels: str | None = None
+    icons: str | None = None
+    pips: bool = False
+    font: str | None = None
+    edges: str | None = None
     mesh: str | None = None
     repair: bool = False
     name: str = "die"
     seed: int = 0
-    size_mm: float | None = None
+    size_mm: str | None = None
     faces: str | None = None
     for_: str | None = None
     table: str | None = None
     candidates: int | None = None
     pick: int | None = None
+    one_of = ("text", "target")
 
 
 @dataclass

@@ -25,8 +25,14 @@ from dicedesign.cli.options import (
     text_table,
     workers_of,
 )
-from dicedesign.errors import InputError, RecipeError, check_whole, named, printable
-from dicedesign.recipe.reading import parse_recipe, parse_target, read_recipe
+from dicedesign.errors import InputError, check_whole, named, printable
+from dicedesign.recipe.reading import (
+    parse_recipe,
+    parse_target,
+    read_recipe,
+    resolve_paths,
+    split_texts,
+)
 
 if TYPE_CHECKING:
     from dicedesign.recipe.recipe import Recipe
@@ -40,6 +46,9 @@ OPTION_OF_KEY = (
     (r"name", "--name"),
     (r"seed", "--seed"),
     (r"size_mm", "--size-mm"),
+    (r"engrave\.icons(\.[^:]*)?", "--icons"),
+    (r"engrave\.font", "--font"),
+    (r"edges(\.radius_mm|\.shape)?", "--edges"),
     (r"start\.mesh(\.path)?", "--mesh"),
     (r"method\.exact\.table", "--table"),
     (r"purpose", "--for"),
@@ -47,6 +56,9 @@ OPTION_OF_KEY = (
 )
 """Recipe keys at the start of error messages, as regular expressions, and the options that set
 them."""
+
+MIN_SIZE_MM = 1.0
+"""Smallest size of a die without a recipe; a smaller one is probably meant in meters."""
 
 
 GREEN, YELLOW, RED = 32, 33, 31
@@ -60,43 +72,70 @@ def run_recipe(options: RunArguments) -> int:
 
 def design(options: DesignArguments) -> int:
     """Make a die from probabilities."""
-    with _name_options():
-        target = parse_target(options.target, options.labels)
     for name in ("repair", "item"):
         if getattr(options, name) and options.mesh is None:
             raise InputError(f"--{name}: expected --mesh FILE with it, got none; add it")
-    entries: dict[str, Any] = {
-        "name": options.name,
-        "seed": options.seed,
-        "target": target,
-    }
-    if options.mesh is not None:
-        mesh = {"path": options.mesh, "repair": options.repair, "item": options.item}
-        entries["start"] = {"mesh": mesh}
-        entries["method"] = {"concave": {}}
-    if options.size_mm is not None:
-        entries["size_mm"] = options.size_mm
-    faces = options.faces
-    entries |= {
-        key: value
-        for key, value in (
-            ("faces", int(faces) if faces is not None and faces.isdecimal() else faces),
-            ("purpose", options.for_),
-            ("candidates", options.candidates),
-            ("pick", options.pick),
-        )
-        if value is not None
-    }
-    if options.table is not None:
-        entries["method"] = {"exact": {"table": options.table}}
+    with _name_options():
+        text = options.target if options.text is None else options.text
+        assert text is not None
+        entries: dict[str, Any] = {
+            "name": options.name,
+            "seed": options.seed,
+            "target": parse_target(text, options.labels),
+        }
         if options.mesh is not None:
+            mesh = {"path": options.mesh, "repair": options.repair, "item": options.item}
+            entries |= {"start": {"mesh": mesh}, "method": {"concave": {}}}
+        engrave = _engraving(options)
+        if engrave or options.labels is not None:
+            entries["engrave"] = engrave
+        if options.edges is not None:
+            key = "shape" if options.edges.isalpha() else "radius_mm"
+            entries["edges"] = {key: options.edges}
+        if options.size_mm is not None:
+            entries["size_mm"] = options.size_mm
+        if options.table is not None:
+            entries["method"] = {"exact": {"table": options.table}}
+        faces = options.faces
+        given = {
+            "faces": int(faces) if faces is not None and faces.isdecimal() else faces,
+            "purpose": options.for_,
+            "candidates": options.candidates,
+            "pick": options.pick,
+        }
+        entries |= {key: value for key, value in given.items() if value is not None}
+        if options.mesh is not None and options.table is not None:
             raise InputError(
                 "--table: expected no --mesh with it, as such dice are for setting down, got both; "
                 "leave one of them out"
             )
-    with _name_options():
+        resolve_paths(entries, Path())
         recipe = parse_recipe(entries)
-    return _run(recipe, options, enlarge=options.size_mm is None and options.mesh is None)
+        if recipe.size_mm < MIN_SIZE_MM:
+            guess = 1000.0 * recipe.size_mm
+            raise InputError(
+                f"size_mm: expected at least {MIN_SIZE_MM:g} mm, got {recipe.size_mm:g}; "
+                + (f"did you mean {guess:g}?" if guess >= MIN_SIZE_MM else "write such as 30")
+            )
+        return _run(recipe, options, enlarge=options.size_mm is None)
+
+
+def _engraving(options: DesignArguments) -> dict[str, Any]:
+    """Entries of `engrave` that options set."""
+    entries: dict[str, Any] = {"content": "pips"} if options.pips else {}
+    if options.font is not None:
+        entries["font"] = options.font
+    if options.icons is not None:
+        entries["icons"] = {}
+        for text in split_texts("engrave.icons", options.icons):
+            label, equals, path = text.partition("=")
+            if not (label and equals and path):
+                raise InputError(
+                    f"--icons: expected label=FILE.svg, got {text!r}; write such as "
+                    "6=skull.svg,1=heart.svg"
+                )
+            entries["icons"][label.strip()] = path.strip()
+    return entries
 
 
 @contextmanager
@@ -104,11 +143,12 @@ def _name_options() -> Iterator[None]:
     """Replace recipe keys in error messages by the options that set them."""
     try:
         yield
-    except RecipeError as error:
+    except InputError as error:
         message = str(error)
         for key, option in OPTION_OF_KEY:
             message = re.sub(rf"^{key}(?=: )", option, message)
-        raise RecipeError(message) from error
+        error.args = (message,)
+        raise
 
 
 def _run(recipe: Recipe, options: WithResults, *, enlarge: bool = False) -> int:

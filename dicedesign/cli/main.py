@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import difflib
 import errno
 import gc
 import inspect
@@ -37,7 +38,7 @@ from dicedesign.cli.commands import (
     ThrowArguments,
     ViewArguments,
 )
-from dicedesign.errors import DiceError, printable
+from dicedesign.errors import DiceError, InputError, printable
 
 __all__ = ["main"]
 
@@ -109,11 +110,33 @@ def _run(words: list[str]) -> int:
             joined[-1] += f"={word}"
         else:
             joined.append(word)
+    if words and not words[0].startswith("-"):
+        _check_names(joined)
     given = vars(make_parser(words[0] if words else "").parse_args(joined))
     options = {name: value for name, value in given.items() if value is not None}
     kind, address = COMMANDS[options.pop("command")]
     code: int = resolve_name(f"dicedesign.cli.{address}")(kind(**options))
     return code
+
+
+def _check_names(words: Sequence[str]) -> None:
+    """Raise InputError for an unknown command, or one of its options, with the most similar one."""
+    command = words[0]
+    if command not in COMMANDS:
+        close = difflib.get_close_matches(command, COMMANDS, n=1)
+        hint = f"did you mean {close[0]}?" if close else "see dicedesign --help"
+        raise InputError(f"expected a command such as design or rest, got {command!r}; {hint}")
+    known = [f"--{each.name}".replace("_", "-") for each in fields(COMMANDS[command][0])]
+    for word in words[1:]:
+        name = word.partition("=")[0]
+        if name == "--":
+            return
+        if re.match("--?[a-z]", name, re.IGNORECASE) and not any(
+            option.startswith(name) for option in ("-h", "--help", *known)
+        ):
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"see dicedesign {command} --help"
+            raise InputError(f"{name}: expected an option of dicedesign {command}; {hint}")
 
 
 def _describe_error(error: BaseException) -> tuple[int, str]:
@@ -152,7 +175,7 @@ def make_parser(word: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dicedesign",
         description="Design solid objects by the probabilities with which they come to rest.",
-        epilog="Example: dicedesign design --target 1/2,1/3,1/6. "
+        epilog="Example: dicedesign design 1/2,1/3,1/6. "
         "`dicedesign COMMAND --help` lists the options of a command.",
     )
     version = ""
@@ -234,5 +257,7 @@ def _add_options(parser: argparse.ArgumentParser, kind: type[Command]) -> None:
             name = "--" + name.rstrip("_").replace("_", "-")
         if field.default is MISSING:
             usage.append(f"{name} {metavar}" if field.kw_only else metavar or "")
+        elif not field.kw_only and field.name in kind.one_of:
+            usage.append(metavar or "")
         (group if field.name in kind.one_of else parser).add_argument(name, **settings)
     parser.usage = " ".join(usage)

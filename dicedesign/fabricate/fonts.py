@@ -130,7 +130,7 @@ class Font:
                 raise EngravingError(
                     f"label {text!r}: expected characters of the font {self.name}, got "
                     f"{character!r} (U+{ord(character):04X}); use characters that it has, or "
-                    "another engrave.font"
+                    "another font"
                 )
             pen = PolylinePen(CHORD_TOLERANCE * self.unit)
             self._shaped.draw_glyph_with_pen(glyph.codepoint, pen)

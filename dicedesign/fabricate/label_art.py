@@ -186,7 +186,7 @@ def pips_section(text: str) -> CrossSection:
     if not 1 <= number <= MOST_PIPS:
         raise EngravingError(
             f"label {text!r}: expected a whole number from 1 to {MOST_PIPS} to show as pips, got "
-            "another label; write engrave.content: text, or give it one of engrave.icons"
+            "another label; leave pips out, or give it an icon"
         )
     places, diameter = pip_places(number)
     radius = 0.5 * diameter

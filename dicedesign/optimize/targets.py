@@ -16,6 +16,9 @@ from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 MOST_FACES = 200
 """Limit on the labeled faces: a die with more cannot be printed and read."""
 
+ROUNDED_PERCENTS = 100.0 * PROBABILITY_SUM_TOLERANCE
+"""Largest error of the sum of percentages."""
+
 
 @dataclass(frozen=True)
 class Target:
@@ -113,19 +116,28 @@ def custom(probabilities: Sequence[float]) -> Target:
             "each outcome"
         )
     _check_counts("probabilities", 0, [], len(values))
+    total = float(values.sum())
+    is_whole = bool((values == np.round(values)).all())
+    if values.min() > 0.0 and (99.0 < total < 101.0 or (1.0 < total < np.inf and is_whole)):
+        texts = [f"{value:g}" for value in values]
+        percents = f"{'%,'.join(texts)}% or " if abs(total - 100.0) < ROUNDED_PERCENTS else ""
+        raise InputError(
+            f"probabilities: expected a sum of 1, got {total:g}; did you mean "
+            f"{percents}{':'.join(texts)}?"
+        )
     for value in values:
         if not isfinite(value) or not 0.0 < value < 1.0:
             raise InputError(
                 f"probabilities: expected numbers between 0 and 1, got {value:g}; leave out "
                 "outcomes that never happen"
             )
-    if abs(float(values.sum()) - 1.0) > PROBABILITY_SUM_TOLERANCE:
+    if abs(total - 1.0) > PROBABILITY_SUM_TOLERANCE:
         raise InputError(
-            f"probabilities: expected a sum of 1, got {values.sum():.12g}; write fractions such as "
+            f"probabilities: expected a sum of 1, got {total:.12g}; write fractions such as "
             "1/3 where decimals do not suffice"
         )
-    if abs(float(values.sum()) - 1.0) > len(values) * np.finfo(np.float64).eps:
-        values = values / values.sum()
+    if abs(total - 1.0) > len(values) * np.finfo(np.float64).eps:
+        values = values / total
     return Target(_number(1, len(values)), values)
 
 

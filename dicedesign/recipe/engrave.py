@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from dicedesign.errors import InputError
+from dicedesign.errors import InputError, LabelRoomError
 from dicedesign.fabricate.convex_object import (
     ConvexObject,
     core_of,
@@ -33,10 +34,11 @@ from dicedesign.gradient.probability_model import (
 )
 from dicedesign.optimize.solvers.reshaping import MOST_ROUNDS, largest_move, reshape, stretch
 from dicedesign.recipe.pipeline import Work
+from dicedesign.recipe.solid import check, export
 from dicedesign.results.parts import Cavities, Concave, Status
 from dicedesign.results.result import Balance, Inside
 from dicedesign.runtime.arrays import Floats
-from dicedesign.tolerances import FILE_PROBABILITIES
+from dicedesign.tolerances import FILE_PROBABILITIES, MOST_MM
 
 MAX_ERROR = 1e-9
 """Largest |p - q| after moving facets."""
@@ -62,7 +64,8 @@ def engrave(work: Work) -> None:
     """Make die.stl with rounded edges and labels, adjust the shape until it has the target
     probabilities, and read it back.
 
-    Raises InputError if a label does not fit a die that converged; otherwise adds a remark.
+    Raises InputError if a label does not fit a die that converged; otherwise adds a remark. A
+    surface without a given size only gets a note, as the search for it took long.
     """
     try:
         if work.die.reshaped is None:
@@ -70,11 +73,14 @@ def engrave(work: Work) -> None:
         else:
             _mark_surface(work)
     except InputError as error:
-        if work.status is Status.CONVERGED:
+        if work.status is not Status.CONVERGED:
+            work.remarks.append(f"not engraved: {error}")
+        elif work.enlarge and work.die.reshaped is not None:
+            work.notes.append(f"the die has no labels: {error}")
+        else:
             if work.resume_note:
                 error.args = (f"{error}; {work.resume_note}",)
             raise
-        work.remarks.append(f"not engraved: {error}")
 
 
 def _finish_convex(work: Work) -> None:
@@ -161,7 +167,7 @@ def _even_pockets(work: Work, placements: list[Placement]) -> list[Placement]:
 
 
 def _mark_surface(work: Work) -> None:
-    """Engrave marks into a concave die."""
+    """Engrave marks into a concave die, after enlarging it if they need it and no size is given."""
     from dicedesign.fabricate.marks import engrave_marks
 
     options, solid, of_faces = work.recipe.engrave, work.solid, work.target.face_labels
@@ -171,7 +177,21 @@ def _mark_surface(work: Work) -> None:
     cut = [face for face, label in enumerate(of_faces) if label not in options.blank]
     labels, downs = [of_faces[face] for face in cut], work.plain.poses.normals[main[cut]]
     work.reading = Reading("marks")
-    marked, _ = engrave_marks(solid, downs, labels, options)
+    try:
+        marked, _ = engrave_marks(solid, downs, labels, options)
+    except LabelRoomError as error:
+        size_mm = float(math.ceil(error.size_mm))
+        is_larger = work.recipe.size_mm < size_mm <= MOST_MM
+        if not (work.enlarge and is_larger and work.status is Status.CONVERGED):
+            raise
+        work.recipe = work.recipe.model_copy(update={"size_mm": size_mm})
+        work.remarks.clear()
+        work.notes = [note for note in work.notes if note not in solid.changes]
+        work.notes.append(f"size_mm: {size_mm:g}, so that the labels fit")
+        export(work)
+        check(work)
+        _mark_surface(work)
+        return
     if options.balance == "none" or work.status is not Status.CONVERGED:
         _finish(work, marked)
     else:

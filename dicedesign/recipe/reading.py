@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 from pydantic import ValidationError
 
-from dicedesign.errors import RecipeError
+from dicedesign.errors import RecipeError, named
 from dicedesign.fabricate.finish_options import is_font_file
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.target import read_shorthand
@@ -56,11 +56,11 @@ def read_recipe(path: Path, changes: Sequence[str] = ()) -> Recipe:
             f"{path}: expected keys and values, got {reprlib.repr(data)}; write name: ... and "
             "target: ..."
         )
-    _resolve_paths(data, path.parent)
+    resolve_paths(data, path.parent)
     for change in changes:
         _apply_change(data, change)
     # Paths of changes are relative to the working directory.
-    _resolve_paths(data, Path())
+    resolve_paths(data, Path())
     try:
         return parse_recipe(data)
     except RecipeError as error:
@@ -111,11 +111,12 @@ def parse_recipe(data: Mapping[str, Any]) -> Recipe:
     Raises RecipeError if an entry is unknown or invalid; the message begins with its dotted key.
     """
     _check_entries(data)
+    entries = _read_lengths(data)
     try:
         # Strict validation of JSON accepts mappings for options and lists for tuples. NumPy numbers
         # become Python numbers, anything else, such as a path, becomes text.
         plain = json.dumps(
-            data,
+            entries,
             default=lambda value: value.item() if isinstance(value, np.generic) else str(value),
         )
     except (TypeError, ValueError, RecursionError) as error:
@@ -127,6 +128,29 @@ def parse_recipe(data: Mapping[str, Any]) -> Recipe:
         return Recipe.model_validate_json(plain)
     except ValidationError as error:
         raise RecipeError(_explain(error)) from error
+
+
+UNITS_MM = {"": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+"""Units of lengths, in mm."""
+
+
+def _read_lengths(entries: Any, key: str = "") -> Any:
+    """Copy entries, with texts such as "3cm" of keys that end in _mm as numbers."""
+    if isinstance(entries, Mapping):
+        return {
+            name: _read_lengths(entry, f"{key}.{name}".lstrip("."))
+            for name, entry in entries.items()
+        }
+    if not isinstance(entries, str) or not key.endswith("_mm"):
+        return entries
+    length = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]*)\s*", entries.lower())
+    if length is None or length[2] not in UNITS_MM:
+        raise RecipeError(
+            f"{key}: expected a length in mm such as 30, or with a unit such as 30mm, 3cm or "
+            f"1.2in, got {entries!r}; write it so"
+        )
+    # Rounded, as 1.1 inches times 25.4 is not 27.94.
+    return float(f"{float(length[1]) * UNITS_MM[length[2]]:.12g}")
 
 
 def recipe_text(recipe: Recipe) -> str:
@@ -142,8 +166,7 @@ class _Loader(yaml.SafeLoader):
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if key in keys:
-                line = key_node.start_mark.line + 1
-                raise yaml.YAMLError(f"key {key!r} appears twice, the second time in line {line}")
+                raise yaml.MarkedYAMLError(problem="key twice", problem_mark=key_node.start_mark)
             keys.add(key)
         return super().construct_mapping(node, deep)
 
@@ -155,13 +178,58 @@ _Loader.add_implicit_resolver(
 )
 
 
+YAML_FAULTS = (
+    ("key twice", "each key once", "remove or rename one"),
+    (r"'\\t'", "spaces, not a tab, at the start of a line", "write spaces"),
+    ("quoted scalar .* end of stream", "a closing quote", "add it"),
+    ("while parsing a flow", "a comma or a closing bracket", "add it, or put a text in quotes"),
+    ("simple key|missing colon", "a key, a colon and a space", "write it such as size_mm: 30"),
+    ("second colon", "one colon and a space in a line", "put a text with colons in quotes"),
+    (
+        "found '(<scalar>|]|})'",
+        "nothing after a closing quote or bracket",
+        "remove it, or put the whole text in quotes",
+    ),
+    (
+        "<block end>|<document start>|mapping values|sequence entries",
+        "as many spaces at the start of a line as its neighbors have",
+        "indent keys that belong together alike",
+    ),
+    ("cannot start", "a letter, a digit or a quote at the start of a text", "put it in quotes"),
+)
+"""Pattern of the parser's message, what is expected, and the remedy."""
+
+
 def parse_yaml(content: str, where: str) -> object:
     """Parse YAML. Raises RecipeError that begins with `where`."""
     try:
         return yaml.load(content, Loader=_Loader)
     except (yaml.YAMLError, *VALUE_ERRORS) as error:
-        reason = " ".join(str(error).split())
-        raise RecipeError(f"{where}: expected YAML, but {reason}; correct it") from error
+        raise RecipeError(f"{where}: {_explain_yaml(error, content.splitlines())}") from error
+
+
+def _explain_yaml(error: Exception, lines: Sequence[str]) -> str:
+    """Say in plain words what is wrong with YAML."""
+    mark, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
+    if mark is None:
+        return "expected YAML, got a value that cannot be read; write it as in docs/recipes.md"
+    message = f"{getattr(error, 'context', '')} {getattr(error, 'problem', '')}"
+    if re.search("while (scanning a (simple|quoted)|parsing a flow)", message) and context:
+        # The fault begins there, and is noticed later.
+        mark = context
+    number = min(mark.line, len(lines) - 1)
+    if "mapping values" in message:
+        above = next((k for k in reversed(range(number)) if lines[k].strip()), number)
+        if re.search(r":\s", lines[number][: mark.column]):
+            message = "second colon"
+        elif not re.search(r":(\s|$)", lines[above]):
+            message, number = "missing colon", above
+    place = f"line {number + 1}: " if len(lines) > 1 else ""
+    for pattern, expected, remedy in YAML_FAULTS:
+        if re.search(pattern, message):
+            got = reprlib.repr(lines[number].strip())
+            return f"{place}expected {expected}, got {got}; {remedy}"
+    return f"cannot be read as YAML at line {number + 1}, column {mark.column + 1}; correct it"
 
 
 def _apply_change(data: dict[str, Any], change: str) -> None:
@@ -176,8 +244,8 @@ def _apply_change(data: dict[str, Any], change: str) -> None:
     data[last] = parse_yaml(value, f"--set {key}")
 
 
-def _resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
-    """Make the relative paths of a recipe absolute."""
+def resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
+    """Make the relative paths of a recipe, which start in a folder, absolute."""
 
     def part(entries: Any, key: str) -> dict[Any, Any]:
         entry = entries.get(key)
@@ -252,36 +320,36 @@ def parse_target(text: str, labels: str | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    text: dice such as "d7", "2d6" or "4dF", weights such as "1:2:3", probabilities such as
-        "1/2,1/3,1/6" or "50%, 50%", or an entry such as "fair: 7" or "fair:7".
+    text: see `read_shorthand`; or an entry such as "fair: 7" or "fair:7".
     labels: labels separated by commas, in double quotes if they contain some; None for those of the
         target. Faces with the same label are one outcome.
 
-    Raises RecipeError for any other text.
+    Raises InputError for any other text.
     """
-    entries = read_shorthand(text)
-    if entries is not None:
-        pass
-    elif ":" in text:
-        parsed = parse_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
-        if not isinstance(parsed, dict):
+    with named("target"):
+        entries: Any = read_shorthand(text)
+    if entries is None:
+        entries = parse_yaml(re.sub(r"^\s*(\w+):(?=\S)", r"\1: ", text), "target")
+        if not isinstance(entries, dict):
             raise RecipeError(
                 "target: expected dice, weights, probabilities, or a key and a value, got "
                 f"{text!r}; write 2d6, 1:2:3, 1/2,1/3,1/6, or fair: 7"
             )
-        entries = parsed
-    else:
-        entries = {"probabilities": [text.strip()]}
     if labels is not None:
-        try:
-            rows = list(csv.reader([labels], skipinitialspace=True))
-        except csv.Error as error:
-            raise RecipeError(
-                f"labels: expected texts with commas between them in one line, got {labels!r}; "
-                "correct it"
-            ) from error
-        entries["labels"] = [label.strip() for row in rows for label in row]
+        entries["labels"] = split_texts("labels", labels)
     return entries
+
+
+def split_texts(key: str, text: str) -> list[str]:
+    """Split texts at commas that are not in double quotes. Raises RecipeError that begins with
+    `key`."""
+    try:
+        rows = list(csv.reader([text], skipinitialspace=True))
+    except csv.Error as error:
+        raise RecipeError(
+            f"{key}: expected texts with commas between them in one line, got {text!r}; correct it"
+        ) from error
+    return [part.strip() for row in rows for part in row]
 
 
 def format_probabilities(probabilities: Iterable[float]) -> str:

@@ -27,6 +27,12 @@ from dicedesign.tolerances import EQUAL_PROBABILITIES, MOST_MM
 if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
 
+SELDOM_PROBABILITY = 1e-3
+"""Probability below which a note says that an outcome hardly ever comes up."""
+
+DOMINANT_PROBABILITY = 0.9
+"""Probability above which a note says what a die looks like."""
+
 
 def make_start(work: Work) -> None:
     """Make the starting shape, or for the concave method the surface.
@@ -37,6 +43,18 @@ def make_start(work: Work) -> None:
     table, or the art of a label is invalid.
     """
     recipe, paper = work.recipe, work.recipe.method.paper
+    labels, probabilities = work.target.labels, work.target.probabilities
+    if probabilities.max() > DOMINANT_PROBABILITY:
+        work.notes.append(
+            f"{labels[probabilities.argmax()]} comes up in {100.0 * probabilities.max():.4g} % of "
+            "throws, as its side is by far the largest: the die is flat like a coin or long like a "
+            "needle"
+        )
+    if probabilities.min() < SELDOM_PROBABILITY:
+        work.notes.append(
+            f"{labels[probabilities.argmin()]} comes up once in {1.0 / probabilities.min():,.0f} "
+            "throws, so hardly ever, as its side is small"
+        )
     if recipe.method.concave is not None:
         _make_surface(work, recipe.method.concave.points)
     else:
@@ -68,6 +86,12 @@ def _make_surface(work: Work, points: int | None) -> None:
     source = start.kind.surface(start.options, most)
     work.surface, work.repaired = source.surface, source.repair
     work.notes += source.notes
+    extent = float(np.ptp(source.surface.points, axis=0).max())
+    if extent < 1.0 and start.mesh is not None:
+        work.notes.append(
+            f"{start.mesh.path}: {extent:.3g} long, so probably in meters, not millimeters; "
+            f"whatever its unit, the die gets a size of {work.recipe.size_mm:g} mm"
+        )
     require_dents(source.surface)
     if points is not None:
         remesh = refine if len(source.surface.points) < points else decimate

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -11,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, model_validator
 
+from dicedesign.errors import InputError
 from dicedesign.optimize.targets import (
     MOST_FACES,
     Target,
@@ -68,15 +71,25 @@ Label = Annotated[str, BeforeValidator(_parse_label)]
 Probability = Annotated[float, BeforeValidator(_parse_fraction)]
 
 
-DICE = re.compile(r"(\d{0,3})d(\d{1,4}|F)", re.IGNORECASE)
-"""A number of dice and their sides; F for Fate dice, which show -1, 0 or 1."""
+TERM = re.compile(
+    r"\s*(?:(\d{0,3})d(\d{1,4}|F|%)(?:k([hl])(\d{0,3}))?|(\d{1,3}))\s*", re.IGNORECASE
+)
+"""A number of dice, their sides, and how many of the highest or lowest are kept; or a constant. F
+is for Fate dice, which show -1, 0 or 1, % and 00 for tens from 00 to 90."""
 
 WEIGHTS = re.compile(r"\s*[\d.]+(\s*:\s*[\d.]+)+\s*")
 
+MOST_ROLLED = 20
+"""Largest number of dice of which some are kept."""
+
 
 def read_shorthand(text: str) -> dict[str, Any] | None:
-    """Entries of `target` for dice such as "d7", "2d6", "2d6 + d4" or "4dF", for weights such as
-    "1:2:3", and for probabilities such as "1/2, 30%, 0.2"; None for any other text."""
+    """Entries of `target` for dice such as "d7", "2d6 + d4 - 1", "4d6kh3" (the highest three),
+    "d%" or "4dF", for weights such as "1:2:3", and for probabilities such as "1/2, 30%, 0.2"; None
+    for any other text.
+
+    Raises InputError for dice that cannot be kept, and too many outcomes.
+    """
     if "," in text and ":" not in text:
         return {"probabilities": [part.strip() for part in text.split(",")]}
     if WEIGHTS.fullmatch(text):
@@ -84,25 +97,75 @@ def read_shorthand(text: str) -> dict[str, Any] | None:
             weights = [Fraction(part.strip()) for part in text.split(":")]
             whole = sum(weights) or Fraction(1)
             return {"probabilities": [str(weight / whole) for weight in weights]}
-    dice = [DICE.fullmatch(part.strip()) for part in text.split("+")]
-    if None in dice:
+    pieces, shift, kinds = re.split("([+-])", f"+{text}"), 0, set[str]()
+    # Sign, values with the best first, number of dice and of those that are kept.
+    rolls: list[tuple[int, Sequence[int], int, int]] = []
+    for plus, piece in zip(pieces[1::2], pieces[2::2], strict=True):
+        term, sign = TERM.fullmatch(piece), 1 if plus == "+" else -1
+        if term is None:
+            return None
+        count, kind, end, kept, constant = term.groups()
+        if constant is not None:
+            shift += sign * int(constant)
+            continue
+        number, kind = int(count or 1), "%" if kind == "00" else kind.upper()
+        special: dict[str, Sequence[int]] = {"F": range(-1, 2), "%": range(0, 100, 10)}
+        values = special.get(kind) or range(1, int(kind) + 1)
+        if end is None:
+            rolls += [(sign, values, 1, 1)] * number
+            kinds.add(kind if kind in "F%" else "plain" if sign > 0 else "less")
+            continue
+        keep = int(kept or 1)
+        if not 1 <= keep <= number <= MOST_ROLLED:
+            raise InputError(
+                f"expected to keep 1 to all of at most {MOST_ROLLED} dice, got {piece.strip()!r}; "
+                "write such as 4d6kh3, the highest three of four"
+            )
+        rolls.append((sign, values[::-1] if end in "hH" else values, number, keep))
+        kinds.add("kept")
+    if not kinds:
         return None
-    counts = [(int(one[1] or 1), one[2].upper()) for one in dice if one is not None]
-    kinds = {sides for _, sides in counts}
-    if kinds == {"F"}:
-        number = sum(count for count, _ in counts)
-        if number == 1:
-            return {"probabilities": ["1/6"] * 6, "labels": ["+", "+", "0", "0", "-", "-"]}
-        ways = [1]
-        for _ in range(min(number, MOST_FACES)):
-            ways = [sum(ways[max(k - 2, 0) : k + 1]) for k in range(len(ways) + 2)]
-        probabilities = [str(Fraction(way, 3**number)) for way in ways]
-        labels = [f"{total:+d}" if total else "0" for total in range(-number, number + 1)]
-        return {"probabilities": probabilities, "labels": labels}
-    if "F" in kinds:
-        return None
-    sides = [int(each) for count, each in counts for _ in range(count)]
-    return {"fair": sides[0]} if len(sides) == 1 else {"sum_of_dice": sides}
+    if kinds == {"F"} and len(rolls) == 1 and not shift:
+        return {"probabilities": ["1/6"] * 6, "labels": ["+", "+", "0", "0", "-", "-"]}
+    if kinds == {"plain"}:
+        sides = [len(values) for _, values, _, _ in rolls]
+        entries: dict[str, Any] = {"fair": sides[0]} if len(sides) == 1 else {"sum_of_dice": sides}
+        # The distribution refuses more.
+        totals = range(len(sides), sum(sides) + 1)[: MOST_FACES + 1]
+        return entries | ({"labels": [str(total + shift) for total in totals]} if shift else {})
+    ways = Counter({shift: 1})
+    for sign, values, number, keep in rolls:
+        before, ways = ways, Counter()
+        for value, many in _count_ways(values, number, keep).items():
+            for total, others in before.items():
+                ways[total + sign * value] += many * others
+        if len(ways) > MOST_FACES:
+            raise InputError(f"expected at most {MOST_FACES} outcomes, got more; take fewer dice")
+    form = {"F": "+d", "%": "02d"}.get("".join(kinds), "d")
+    return {
+        "probabilities": [str(Fraction(ways[total], ways.total())) for total in sorted(ways)],
+        "labels": [format(total, form).replace("+0", "0") for total in sorted(ways)],
+    }
+
+
+def _count_ways(values: Sequence[int], number: int, keep: int) -> Counter[int]:
+    """Numbers of ways in which the first `keep` of a number of dice, in the order of their values,
+    give each sum."""
+    found, open_ways = Counter[int](), Counter({(number, keep, 0): 1})
+    for worse, value in zip(reversed(range(len(values))), values, strict=True):
+        before, open_ways = open_ways, Counter()
+        for (left, missing, total), many in before.items():
+            # As many of the dice that are left show this value; those after the kept ones are free.
+            for shown in range(left + 1):
+                ways = many * math.comb(left, shown)
+                if shown < missing:
+                    after = (left - shown, missing - shown, total + shown * value)
+                    open_ways[after] += ways
+                else:
+                    found[total + missing * value] += ways * worse ** (left - shown)
+        if len(found) > MOST_FACES:
+            break
+    return found
 
 
 class Strict(BaseModel):
@@ -189,8 +252,8 @@ class TargetRecipe(Strict):
         entries = read_shorthand(given)
         if entries is None:
             raise ValueError(
-                f"expected keys such as fair: 7, dice such as 2d6, or weights such as 1:2:3 in "
-                f"quotes, got {given!r}; correct it"
+                "expected keys such as fair: 7, dice such as 2d6 or 4d6kh3, or weights such as "
+                f"1:2:3 in quotes, got {given!r}; correct it"
             )
         return entries
 

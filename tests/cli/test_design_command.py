@@ -23,7 +23,7 @@ def test_fractions_and_labels_become_a_die_with_these_probabilities(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["design", "--target", "1/5, 1/4,1/4, 3/10", "--labels", "-1,yes, no,2.5"]) == 0
+    assert main(["design", "1/5, 1/4,1/4, 3/10", "--labels", "-1,yes, no,2.5"]) == 0
     captured = capsys.readouterr()
     assert captured.out.startswith("die: die.stl has your probabilities: off by ")
     assert [line.split() for line in captured.out.splitlines()[3:7]] == [
@@ -40,7 +40,10 @@ def test_fractions_and_labels_become_a_die_with_these_probabilities(
 
 
 def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = ["--name", "loaded", "--seed", "3", "--size-mm", "64", "--files", "obj, glb"]
+    icon = tmp_path / "icon.svg"
+    icon.write_text("<svg xmlns='http://www.w3.org/2000/svg'><path d='M0 0h9v9z'/></svg>")
+    options = ["--name", "loaded", "--seed", "3", "--size-mm", "6.4cm", "--files", "obj, glb"]
+    options += ["--pips", "--edges", "2mm", "--font", "DejaVu Serif", "--icons", f"4={icon}"]
     command = ["design", "--target", ".1,0.2,3e-1,2/5", *options, "--no-figures"]
     assert main([*command, "--out", str(tmp_path / "here")]) == 0
     output = capsys.readouterr().out
@@ -49,6 +52,9 @@ def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[
     np.testing.assert_allclose(poses.probabilities, [0.4, 0.3, 0.2, 0.1], atol=1e-5)
     recipe = read_recipe(tmp_path / "here" / "recipe.yaml")
     assert (recipe.name, recipe.seed, recipe.size_mm) == ("loaded", 3, 64.0)
+    assert recipe.edges.radius_mm == 2.0
+    assert (recipe.engrave.content, recipe.engrave.font) == ("pips", "DejaVu Serif")
+    assert recipe.engrave.icons == {"4": str(icon)}
     assert recipe.target.probabilities == [0.1, 0.2, 0.3, 0.4]
     assert recipe.files == ["stl", "obj", "glb"]
     for name in ("die.stl", "die.obj", "die.glb"):

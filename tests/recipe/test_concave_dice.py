@@ -4,6 +4,7 @@ search, and real searches."""
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -236,11 +237,16 @@ def test_angles_of_a_sheared_cube(recipe_path: Path, search: MadeUpSearch) -> No
 
 
 def test_marks_that_do_not_fit(recipe_path: Path, tmp_path: Path, search: MadeUpSearch) -> None:
-    """An error for a converged die, else a remark."""
+    """An error for a converged die, else a remark; a note if the size was left to the run."""
     folder = tmp_path / "out"
     with pytest.raises(LabelRoomError):
         run(recipe_path, folder, "engrave=true", "size_mm=5")
     assert names(folder) == ["checkpoint.npz"]
+    changes = ("engrave.depth_mm=15",)
+    result = pipeline.run(recipe_path, tmp_path / "free", changes=changes, enlarge=True)
+    assert result.converged
+    assert "die.stl" not in names(tmp_path / "free")
+    assert any("reduce depth_mm" in note for note in result.notes)
     # The search is not repeated.
     search.attempted.clear()
     assert run(recipe_path, folder, resume=True).converged
@@ -249,6 +255,41 @@ def test_marks_that_do_not_fit(recipe_path: Path, tmp_path: Path, search: MadeUp
     result = run(recipe_path, folder, "engrave=true", "size_mm=5")
     assert result.status == "off_target"
     assert "die.stl" not in names(folder)
+
+
+@pytest.mark.parametrize(
+    ("labels", "is_enlarged"), [("abcdef", False), (["incomprehensible", *"bcdef"], True)]
+)
+def test_labels_of_a_mesh_are_engraved(
+    labels: Sequence[str], is_enlarged: bool, tmp_path: Path, search: MadeUpSearch
+) -> None:
+    """The die is enlarged if they need it."""
+    write_cube(tmp_path / "cube.obj")
+    command = ["design", "d6", "--mesh", str(tmp_path / "cube.obj"), "--labels", ",".join(labels)]
+    assert main([*command, "--no-figures", "--out", str(tmp_path / "out")]) == 0
+    assert (read_recipe(tmp_path / "out" / "recipe.yaml").size_mm > 30.0) == is_enlarged
+    plain, marked = (read_body(tmp_path / "out" / f"{stem}.stl") for stem in ("die_plain", "die"))
+    assert len(marked.points) > len(plain.points)
+
+
+@pytest.mark.parametrize(
+    ("target", "scale", "words"),
+    [
+        ("{fair: 6}", 1.0, []),
+        ("{fair: 6}", 0.01, ["meters"]),
+        ("{probabilities: [0.95, 0.0499, 1e-4]}", 1.0, ["needle", "10,000 throws"]),
+        ("{probabilities: [0.5, 0.4999, 1e-4]}", 1.0, ["10,000 throws"]),
+    ],
+)
+def test_notes_on_what_may_surprise(
+    target: str, scale: float, words: list[str], recipe_path: Path
+) -> None:
+    mesh = recipe_path.with_name("cube.obj")
+    cube = trimesh.load(mesh, process=False)
+    cube.apply_scale(scale).export(mesh)
+    notes = design_recipe(read_recipe(recipe_path, [f"target={target}"]), last="start").notes
+    assert len(notes) == len(words)
+    assert all(word in note for word, note in zip(words, notes, strict=True))
 
 
 # Checkpoints.

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 import signal
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -174,8 +178,20 @@ BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for 
     [
         ("name: x\nstart: {prism: {}}\n", "target: "),
         ("", "keys"),
-        ("name: [", "YAML"),
-        ("name: a\nname: b\n", "'name'.*line 2"),
+        ("name: [", "closing bracket"),
+        ("name: a\nlabels: [a,\n  b\nseed: 4\n", "line 2: .*closing bracket"),
+        ("name: a\ntarget: {fair: 3}}\n", "line 2: .*bracket"),
+        ("name: 'a\ntarget: d6\n", "line 1: .*closing quote"),
+        ("name: a\ntarget d6\nseed: 3\n", "line 2: .*colon.*'target d6'"),
+        ("name: a\ntarget:d6\nseed: 3\n", "line 2: .*colon.*'target:d6'"),
+        ("name: a: b\nseed: 3\n", "line 1: .*colon"),
+        ("target:\n\tfair: 3\n", "line 2: .*tab"),
+        ("name: a\n  target: d6\n", "line 2: .*spaces"),
+        ("target:\n  fair: 3\n labels: [a]\n", "line 3: .*spaces"),
+        ("name: a\n- b\n", "line 2: .*spaces"),
+        ("name: %a\n", "quotes"),
+        ("name: a\nseed: *x\n", "line 2, column 7"),
+        ("name: a\nname: b\n", "line 2: .*once"),
         ("2024-01-01: 3\n", "keys"),
         ("x: !!int x\n", "YAML"),
         (BOMB, "10000 entries"),
@@ -195,6 +211,7 @@ def test_invalid_files_are_explained_at_once(tmp_path: Path, content: str, messa
     finally:
         signal.alarm(0)
     assert str(caught.value).startswith(str(path))
+    assert not re.search("scann|token|mapping values|find expected|<block", str(caught.value))
     assert len(str(caught.value)) < 1000
 
 
@@ -212,6 +229,15 @@ def test_yaml_runs_no_code(tmp_path: Path) -> None:
 def test_bad_changes(tmp_path: Path, change: str) -> None:
     with pytest.raises(RecipeError, match="--set size_mm: "):
         read(tmp_path, GOOD, (change,))
+
+
+@pytest.mark.parametrize(
+    ("text", "size_mm"),
+    [("3cm", 30.0), (" 25 mm", 25.0), ("1.1in", 27.94), (".03 m", 30.0), ("40", 40.0)],
+)
+def test_lengths_with_units(text: str, size_mm: float) -> None:
+    recipe = parse_recipe({**GOOD, "size_mm": text, "engrave": {"margin_mm": text}})
+    assert recipe.size_mm == recipe.engrave.margin_mm == size_mm
 
 
 @pytest.mark.parametrize("entries", ["size_mm: 1000.0", "size_mm: 30.0\nmin_inradius_mm: 14.999"])
@@ -256,11 +282,38 @@ def of_sum(*ways: int) -> list[float]:
         ("d4 + d6", "2 3 4 5 6 7 8 9 10", of_sum(1, 2, 3, 4, 4, 4, 3, 2, 1)),
         ("1:2:3", "1 2 3", of_sum(1, 2, 3)),
         ("50%, 30 %,20%", "1 2 3", [0.5, 0.3, 0.2]),
+        ("d6+2", "3 4 5 6 7 8", [1 / 6] * 6),
+        ("2d3 - 1", "1 2 3 4 5", of_sum(1, 2, 3, 2, 1)),
+        ("d%", "00 10 20 30 40 50 60 70 80 90", [1 / 10] * 10),
+        ("D00", "00 10 20 30 40 50 60 70 80 90", [1 / 10] * 10),
+        ("d% + d10", " ".join(map(str, range(1, 101))), [1 / 100] * 100),
+        ("d100", " ".join(map(str, range(1, 101))), [1 / 100] * 100),
     ],
 )
 def test_targets_as_people_type_them(text: str, labels: str, probabilities: list[float]) -> None:
     target = TargetRecipe.model_validate(parse_target(text)).target()
     assert list(target.labels) == labels.split()
+    np.testing.assert_allclose(target.probabilities, probabilities, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "sides", "value"),
+    [
+        ("2d6kh1", [6, 6], max),
+        ("2d20kl", [20, 20], min),
+        ("4d6kh3", [6] * 4, lambda dice: sum(dice) - min(dice)),
+        ("3d4kl2 + d6 - 1", [4, 4, 4, 6], lambda dice: sum(dice) - max(dice[:3]) - 1),
+        ("d4-d6", [4, 6], lambda dice: dice[0] - dice[1]),
+    ],
+)
+def test_dice_of_which_some_are_kept(
+    text: str, sides: list[int], value: Callable[[Sequence[int]], int]
+) -> None:
+    """All throws, one by one."""
+    count = Counter(map(value, itertools.product(*(range(1, each + 1) for each in sides))))
+    target = TargetRecipe.model_validate(parse_target(text)).target()
+    assert target.labels == tuple(map(str, sorted(count)))
+    probabilities = [count[each] / count.total() for each in sorted(count)]
     np.testing.assert_allclose(target.probabilities, probabilities, rtol=1e-14)
 
 

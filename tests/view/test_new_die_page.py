@@ -88,7 +88,7 @@ def test_a_die_is_chosen_typed_designed_and_saved(
     assert "press Design first" in new_die.text("file-error")
     for probabilities, text in (
         ("1/2, 1/3", "expected a sum of 1, got 0.8333"),
-        ("<b>: [", "expected YAML"),
+        ("<b>: [", "expected a comma or a closing bracket, got '<b>: ['"),
     ):
         new_die.field("Probabilities", probabilities)
         new_die.until(lambda text=text: text in new_die.text("target-error"))
