@@ -1,8 +1,9 @@
-"""`dicedesign run`, `design`, `sweep` and `view`."""
+"""`dicedesign run`, `design`, `set`, `sweep` and `view`."""
 
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from dicedesign.cli.commands import (
     DesignArguments,
     RunArguments,
+    SetArguments,
     SweepArguments,
     ViewArguments,
     WithResults,
@@ -24,7 +26,7 @@ from dicedesign.cli.options import (
     workers_of,
 )
 from dicedesign.errors import InputError, RecipeError, check_whole, named, printable
-from dicedesign.recipe.reading import parse_recipe, parse_target, read_recipe
+from dicedesign.recipe.reading import parse_recipe, parse_target, parse_yaml, read_recipe
 
 if TYPE_CHECKING:
     from dicedesign.recipe.recipe import Recipe
@@ -206,6 +208,36 @@ def _print_result(result: Result) -> None:
     if result.tolerances is not None:
         print(result.tolerances.answer)
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
+
+
+def make_dice_set(options: SetArguments) -> int:
+    """Make a set of dice in one style."""
+    from dicedesign.fabricate.finish_options import is_font_file
+    from dicedesign.runtime.workers import progress_bar
+    from dicedesign.sweep.dice_set import PAGE, PLATE, make_set, set_recipes
+
+    style: dict[str, Any] = {"print": options.printer}
+    if options.font is not None:
+        is_file = is_font_file(options.font)
+        style["engrave"] = {"font": os.path.realpath(options.font) if is_file else options.font}
+    if options.edges is not None:
+        is_flat, radius = options.edges == "chamfer", parse_yaml(options.edges, "--edges")
+        style["edges"] = {"shape": "chamfer"} if is_flat else {"radius_mm": radius}
+    recipes = set_recipes(options.dice, style)
+    note_missing_kernels()
+    with progress_bar("stages", 2 * len(recipes)) as bar:
+        dice = make_set(recipes, options.size, options.out, bar.update)
+    print(
+        text_table(
+            ("die", "", [die.name for die in dice]),
+            ("size mm", ".2f", [die.size_mm for die in dice]),
+            ("digits mm", ">", _texts([die.label_mm and die.label_mm[0] for die in dice], ".2f")),
+            ("max |p - q|", ".1e", [die.max_abs_error for die in dice]),
+            ("status", "", [die.status for die in dice]),
+        )
+    )
+    print(f"files in {printable(options.out)}: {PAGE}, {PLATE} and a folder for each die")
+    return 0 if all(die.status == "converged" for die in dice) else 1
 
 
 def sweep(options: SweepArguments) -> int:
