@@ -210,6 +210,10 @@ def _print_result(result: Result) -> None:
     print(f"files in {printable(result.folder)}: {', '.join(result.files.values())}")
 
 
+NOTED_GROWTH = 1.01
+"""Ratio of the size of a die to that of its set above which a note says so."""
+
+
 def make_dice_set(options: SetArguments) -> int:
     """Make a set of dice in one style."""
     from dicedesign.fabricate.finish_options import is_font_file
@@ -227,6 +231,11 @@ def make_dice_set(options: SetArguments) -> int:
     note_missing_kernels()
     with progress_bar("stages", 2 * len(recipes)) as bar:
         dice = make_set(recipes, options.size, options.out, bar.update)
+    for die in dice:
+        if die.size_mm > NOTED_GROWTH * options.size:
+            print_notes(f"{die.name}: {die.size_mm:.1f} mm large, so that its labels fit")
+        if die.status != "converged":
+            print_notes(f"{die.name}: {die.message}")
     print(
         text_table(
             ("die", "", [die.name for die in dice]),

@@ -53,7 +53,7 @@ class DieOfSet:
     label_mm: smallest and largest height of a digit, or None without labels.
     max_abs_error: largest |p - q| of the file.
     reading: how to read it, or None without labels.
-    bed_mm: (2,) middle of its bounding box on the print bed.
+    file: name of its STL file, without labels if they could not be cut.
     """
 
     name: str
@@ -64,7 +64,7 @@ class DieOfSet:
     label_mm: tuple[float, float] | None
     max_abs_error: float
     reading: str | None
-    bed_mm: tuple[float, float]
+    file: str
 
 
 def set_recipes(dice: Sequence[str], style: Mapping[str, Any]) -> dict[str, Recipe]:
@@ -87,8 +87,10 @@ def set_recipes(dice: Sequence[str], style: Mapping[str, Any]) -> dict[str, Reci
         with named(text):
             target = percents if text in ("d%", "d00") else parse_target(text)
             entries = {"name": name, "target": target, "numbering": "standard", **style}
-            symmetry = SYMMETRIES.get(target.get("fair", 0))
-            recipes[name] = parse_recipe(entries | ({"symmetry": symmetry} if symmetry else {}))
+            recipe = parse_recipe(entries)
+        faces = len(recipe.target.target().face_labels) if recipe.target.fair else 0
+        symmetry = SYMMETRIES.get(faces, recipe.symmetry)
+        recipes[name] = recipe.model_copy(update={"symmetry": symmetry})
     return recipes
 
 
@@ -133,7 +135,7 @@ def make_set(
                 run_stages(work, after="size")
             on_die()
         parts = _place_on_bed(works)
-        dice = [_describe(work, part) for work, part in zip(works, parts, strict=True)]
+        dice = [_describe(work) for work in works]
         plate, entries = Contents(f"{len(dice)} dice", parts, is_plate=True), plain(dice)
         files = {
             PLATE: three_mf(plate),
@@ -150,6 +152,7 @@ def make_set(
 def _design(work: Work, size_mm: float) -> list[float]:
     """Design a die of a size, or larger if its labels need it. Returns the heights of its labels;
     none if a die that did not converge has no room for them."""
+    # Not enlarged yet: of searched shapes, those with room for labels are preferred.
     run_stages(work, last="numbering")
     recipe, solid = work.recipe, make_solid(work.die, 1.0)
     # Rounded edges add their radius on both sides of a smaller body.
@@ -195,8 +198,9 @@ def _place_on_bed(works: Sequence[Work]) -> list[Part]:
     if (middles < sides / 2.0).any():
         raise InputError(
             f"--printer: expected dice that fit on the bed of {printer.name}, {bed[0]:g} by "
-            f"{bed[1]:g} mm, got rows of {sides[:, 0].max():.0f} by {sum(depths):.0f} mm; make "
-            "fewer or smaller dice at a time"
+            f"{bed[1]:g} mm, got {len(rows)} rows of up to "
+            f"{max(sides[row, 0].sum() for row in rows):.0f} mm, {sum(depths):.0f} mm deep in all, "
+            "with gaps; make fewer or smaller dice at a time"
         )
     return [
         replace(part, points=part.points + np.append(middle, 0.0))
@@ -204,18 +208,17 @@ def _place_on_bed(works: Sequence[Work]) -> list[Part]:
     ]
 
 
-def _describe(work: Work, part: Part) -> DieOfSet:
-    """Entry of a finished die; part: the die on the print bed."""
-    poses, heights = work.final.poses, [each.height for each in work.finished.placements]
-    low, high = part.points.min(axis=0), part.points.max(axis=0)
+def _describe(work: Work) -> DieOfSet:
+    """Measures of a finished die."""
+    poses, heights = work.plain.poses, [each.height for each in work.finished.placements]
     return DieOfSet(
         name=work.recipe.name,
         status=work.status.name.lower(),
         message=work.message.splitlines()[0],
-        size_mm=_height_at_rest(work.finished, poses),
+        size_mm=_height_at_rest(work.finished, work.final.poses),
         has_parallel_faces=bool((opposite_facets(poses.hull, poses.facets) >= 0).all()),
         label_mm=(min(heights), max(heights)) if heights else None,
         max_abs_error=work.final.max_abs_error,
         reading=None if work.reading is None else work.reading.sentence,
-        bed_mm=tuple(((low + high) / 2.0).tolist()[:2]),
+        file=f"{work.stem}.stl",
     )
