@@ -218,7 +218,8 @@ def make_dice_set(options: SetArguments) -> int:
     """Make a set of dice in one style."""
     from dicedesign.fabricate.finish_options import is_font_file
     from dicedesign.runtime.workers import progress_bar
-    from dicedesign.sweep.dice_set import PAGE, PLATE, make_set, set_recipes
+    from dicedesign.sweep.dice_set import PLATE, make_set, set_recipes
+    from dicedesign.sweep.ranking import PAGE
 
     style: dict[str, Any] = {"print": options.printer}
     if options.font is not None:
@@ -229,24 +230,24 @@ def make_dice_set(options: SetArguments) -> int:
         style["edges"] = {"shape": "chamfer"} if is_flat else {"radius_mm": radius}
     recipes = set_recipes(options.dice, style)
     note_missing_kernels()
-    with progress_bar("stages", 2 * len(recipes)) as bar:
+    with progress_bar("steps", 2 * len(recipes)) as bar:
         dice = make_set(recipes, options.size, options.out, bar.update)
     for die in dice:
-        if die.size_mm > NOTED_GROWTH * options.size:
-            print_notes(f"{die.name}: {die.size_mm:.1f} mm large, so that its labels fit")
-        if die.status != "converged":
-            print_notes(f"{die.name}: {die.message}")
+        if die["size_mm"] > NOTED_GROWTH * options.size:
+            print_notes(f"{die['name']}: {die['size_mm']:.1f} mm large, so that its labels fit")
+        if die["status"] != "converged":
+            print_notes(f"{die['name']}: {die['message']}")
     print(
         text_table(
-            ("die", "", [die.name for die in dice]),
-            ("size mm", ".2f", [die.size_mm for die in dice]),
-            ("digits mm", ">", _texts([die.label_mm and die.label_mm[0] for die in dice], ".2f")),
-            ("max |p - q|", ".1e", [die.max_abs_error for die in dice]),
-            ("status", "", [die.status for die in dice]),
+            ("die", "", [die["name"] for die in dice]),
+            ("size mm", ".2f", [die["size_mm"] for die in dice]),
+            ("digits mm", ">", _texts([min(die["label_mm"] or [None]) for die in dice], ".2f")),
+            ("max |p - q|", ".1e", [die["max_abs_error"] for die in dice]),
+            ("status", "", [die["status"] for die in dice]),
         )
     )
     print(f"files in {printable(options.out)}: {PAGE}, {PLATE} and a folder for each die")
-    return 0 if all(die.status == "converged" for die in dice) else 1
+    return 0 if all(die["status"] == "converged" for die in dice) else 1
 
 
 def sweep(options: SweepArguments) -> int:

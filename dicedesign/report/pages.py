@@ -32,16 +32,9 @@ from dicedesign.report.raster import (
     encode_png,
     frame_cameras,
     three_cameras,
-    tilt_up,
     trim,
 )
-from dicedesign.report.renderer import (
-    RenderMesh,
-    color_triangles,
-    render,
-    render_on_table,
-    with_shadow,
-)
+from dicedesign.report.renderer import RenderMesh, color_triangles, render, render_on_table
 from dicedesign.results.parts import Draft, Search, Status, TableResult
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
@@ -80,8 +73,8 @@ TOUCHING_HEIGHT = 3e-3
 TOUCHING_COSINE = 0.9
 """Cosine of the largest slope of the surface where it touches the table."""
 
-PLATE_PIXELS, PLATE_RISE_DEG = 1200, 50.0
-"""Side of the picture of a print bed before it is trimmed, and the camera's angle above the bed."""
+PLATE_PIXELS = 1200
+"""Side of the picture of a print bed before it is trimmed."""
 
 LABEL_COSINE = 0.999
 """Cosine of the largest angle between the normals of a label and of its facet."""
@@ -318,15 +311,11 @@ def sweep_page(
     name: of the recipe. rows: of sweep.csv. keys: columns of the varied keys.
     solids: surface in mm and direction upward (3,) of each die that was made, by its folder.
     """
-    pictures = {
-        folder: _small_picture(
-            RenderMesh(
-                solid.points, solid.triangles, smooth=len(solid.triangles) > MAX_FLAT_TRIANGLES
-            ),
-            up,
-        )
-        for folder, (solid, up) in solids.items()
-    }
+    pictures = {}
+    for folder, (solid, up) in solids.items():
+        is_smooth = len(solid.triangles) > MAX_FLAT_TRIANGLES
+        mesh = RenderMesh(solid.points, solid.triangles, smooth=is_smooth)
+        pictures[folder] = _small_picture(mesh, up)
     return _table_page(
         "sweep",
         title=f"{name}: sweep",
@@ -344,8 +333,7 @@ def set_page(plate: Contents, dice: Sequence[Mapping[str, Any]]) -> str:
     plate: the dice on the print bed, z upward. dice: entries of set.json, in the same order.
     """
     whole = _paint(plate.parts)
-    camera = Camera(tilt_up(np.array([0.0, -1.0, 0.0]), UP, PLATE_RISE_DEG), UP)
-    (camera,) = frame_cameras([camera], [with_shadow(whole.points, UP)])
+    (camera,) = frame_cameras([Camera(np.array([0.0, -0.4, 1.0]), UP)], [whole.points])
     (picture,) = trim([render_on_table(whole, UP, camera, PLATE_PIXELS)])
     return _table_page(
         "set",

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from dicedesign.errors import EngravingError, InputError, RecipeError, named
 from dicedesign.fabricate.die import make_solid
 from dicedesign.fabricate.file_formats import Contents, Part, three_mf
 from dicedesign.fabricate.numbering import opposite_facets
+from dicedesign.fabricate.printability import least_details, narrowest_stroke
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.output import die_contents
 from dicedesign.recipe.pipeline import Work, finish, run_stages
@@ -24,47 +26,17 @@ from dicedesign.recipe.solid import place_at_size
 from dicedesign.report.pages import set_page
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.folder import open_results_folder
-from dicedesign.runtime.files import json_text, plain, remove_files, write_files
+from dicedesign.runtime.files import json_text, remove_files, write_files
+from dicedesign.sweep.dice import MAX_FOLDER_NAME
+from dicedesign.sweep.ranking import PAGE, Row
 
-PAGE, PLATE, TABLE = "index.html", "plate.3mf", "set.json"
+PLATE, TABLE = "plate.3mf", "set.json"
 
 SYMMETRIES = {4: "Td", 6: "Oh", 8: "Oh", 10: "D5d", 12: "Ih", 20: "Ih"}
 """Symmetry of the usual body of a fair die, by the number of its faces."""
 
-MAX_NAME = 60
-"""Characters of the name of a die and of its subfolder."""
-
 GAP_MM = 5.0
 """Distance between dice on the print bed."""
-
-
-@dataclass(frozen=True)
-class DieOfSet:
-    """Finished die of a set.
-
-    Attributes
-    ----------
-    name: of the die, and of its subfolder.
-    status: "converged", or the name of another `Status` in small letters.
-    message: verdict in one sentence.
-    size_mm: mean distance from the resting face to the point on top, by probability; the distance
-        between opposite faces if they are parallel.
-    has_parallel_faces: whether each labeled face is opposite to a parallel one.
-    label_mm: smallest and largest height of a digit, or None without labels.
-    max_abs_error: largest |p - q| of the file.
-    reading: how to read it, or None without labels.
-    file: name of its STL file, without labels if they could not be cut.
-    """
-
-    name: str
-    status: str
-    message: str
-    size_mm: float
-    has_parallel_faces: bool
-    label_mm: tuple[float, float] | None
-    max_abs_error: float
-    reading: str | None
-    file: str
 
 
 def set_recipes(dice: Sequence[str], style: Mapping[str, Any]) -> dict[str, Recipe]:
@@ -80,7 +52,9 @@ def set_recipes(dice: Sequence[str], style: Mapping[str, Any]) -> dict[str, Reci
     """
     recipes: dict[str, Recipe] = {}
     for text in dice:
-        name = re.sub(r"[^\w.]+", "-", text.replace("%", "00")).strip("-._")[:MAX_NAME].lower()
+        name = (
+            re.sub(r"[^\w.]+", "-", text.replace("%", "00")).strip("-._")[:MAX_FOLDER_NAME].lower()
+        )
         if name in recipes:
             raise RecipeError(f"{text}: expected dice that differ, got it twice; leave one out")
         percents: dict[str, Any] = {"fair": 10, "labels": [f"{ten}0" for ten in range(10)]}
@@ -99,15 +73,17 @@ def make_set(
     size_mm: float,
     folder: Path,
     on_die: Callable[[], object] = lambda: None,
-) -> list[DieOfSet]:
-    """Make the dice of a set, each in its subfolder, and one plate, page and table of all.
+) -> list[Row]:
+    """Make the dice of a set, each in its subfolder, and one plate, page and table of all. Returns
+    the entries of the table.
 
     No file is written before all dice are finished.
 
     Parameters
     ----------
     recipes: by subfolder, of one printer; `set_recipes` makes them.
-    size_mm: size of each die, see `DieOfSet`; dice whose labels do not fit become larger.
+    size_mm: distance between opposite faces, or mean height at rest, by probability; dice whose
+        labels do not fit become larger.
     folder: made if missing.
     on_die: called twice for each die, after it is designed and after it is finished.
 
@@ -116,31 +92,33 @@ def make_set(
     InputError: a die cannot be made, or the dice do not fit on the print bed. OutputError: the
         folder cannot be written.
     """
-    works, heights = [], list[float]()
+    works, heights = [], [(math.inf, 0.0)]
     for name, recipe in recipes.items():
         works.append(Work(recipe, folder / name))
         with named(name):
-            heights += _design(works[-1], size_mm)
+            heights.append(_design(works[-1], size_mm))
         on_die()
+    fitting, printable = zip(*heights, strict=True)
     with ExitStack() as stack:
         stack.enter_context(open_results_folder(folder))
         for name, work in zip(recipes, works, strict=True):
             stack.enter_context(open_results_folder(folder / name))
             engrave = work.recipe.engrave
-            if engrave is not None and heights:
-                # The largest height that fits on all faces of all dice.
-                engrave = replace(engrave, max_height_mm=max(min(heights), engrave.min_height_mm))
+            if engrave is not None:
+                # The largest height that fits on all faces of all dice, if the printer shows it.
+                most = max(min(fitting), *printable, engrave.min_height_mm)
+                engrave = replace(engrave, max_height_mm=min(most, engrave.max_height_mm))
                 work.recipe = work.recipe.model_copy(update={"engrave": engrave})
             with named(name):
                 run_stages(work, after="size")
             on_die()
         parts = _place_on_bed(works)
         dice = [_describe(work) for work in works]
-        plate, entries = Contents(f"{len(dice)} dice", parts, is_plate=True), plain(dice)
+        plate = Contents(f"{len(dice)} dice", parts, is_plate=True)
         files = {
             PLATE: three_mf(plate),
-            PAGE: set_page(plate, entries).encode("utf-8"),
-            TABLE: json_text({"size_mm": size_mm, "dice": entries}).encode("utf-8"),
+            PAGE: set_page(plate, dice).encode("utf-8"),
+            TABLE: json_text({"size_mm": size_mm, "dice": dice}).encode("utf-8"),
         }
         remove_files(folder, [TABLE])
         for work in works:
@@ -149,9 +127,10 @@ def make_set(
     return dice
 
 
-def _design(work: Work, size_mm: float) -> list[float]:
-    """Design a die of a size, or larger if its labels need it. Returns the heights of its labels;
-    none if a die that did not converge has no room for them."""
+def _design(work: Work, size_mm: float) -> tuple[float, float]:
+    """Design a die of a size, or larger if its labels need it. Returns the height that fits on all
+    its faces, and the one at which the printer shows all its labels: infinity and 0 if a die that
+    did not converge has no room for them."""
     # Not enlarged yet: of searched shapes, those with room for labels are preferred.
     run_stages(work, last="numbering")
     recipe, solid = work.recipe, make_solid(work.die, 1.0)
@@ -161,9 +140,19 @@ def _design(work: Work, size_mm: float) -> list[float]:
     entries = recipe.as_dict() | {"size_mm": max(diameter, size_mm)}
     work.recipe, work.enlarge = parse_recipe(entries), True
     run_stages(work, after="numbering", last="size")
+    engrave, printing = work.recipe.engrave, work.recipe.print
+    assert engrave is not None
+    assert printing is not None
     with suppress(EngravingError):
-        return [each.height for each in place_at_size(work, work.die, work.recipe.size_mm)]
-    return []
+        placements = place_at_size(work, work.die, work.recipe.size_mm)
+        finest = [
+            one.height * least / width
+            for one in {one.text: one for one in placements}.values()
+            for least, side in least_details(printing.selected_printer, engrave)
+            if (width := narrowest_stroke(one.section(), side)) is not None
+        ]
+        return min(one.height for one in placements), max(finest, default=0.0)
+    return math.inf, 0.0
 
 
 def _height_at_rest(solid: Surface, poses: RestPoses) -> float:
@@ -208,17 +197,21 @@ def _place_on_bed(works: Sequence[Work]) -> list[Part]:
     ]
 
 
-def _describe(work: Work) -> DieOfSet:
-    """Measures of a finished die."""
+def _describe(work: Work) -> Row:
+    """Entry of a finished die in set.json.
+
+    "size_mm": mean height at rest, by probability: between opposite faces if they are parallel.
+    "label_mm": smallest and largest height of its digits. "reading": how to read it.
+    """
     poses, heights = work.plain.poses, [each.height for each in work.finished.placements]
-    return DieOfSet(
-        name=work.recipe.name,
-        status=work.status.name.lower(),
-        message=work.message.splitlines()[0],
-        size_mm=_height_at_rest(work.finished, work.final.poses),
-        has_parallel_faces=bool((opposite_facets(poses.hull, poses.facets) >= 0).all()),
-        label_mm=(min(heights), max(heights)) if heights else None,
-        max_abs_error=work.final.max_abs_error,
-        reading=None if work.reading is None else work.reading.sentence,
-        file=f"{work.stem}.stl",
-    )
+    return {
+        "name": work.recipe.name,
+        "status": work.status.name.lower(),
+        "message": work.message.splitlines()[0],
+        "size_mm": _height_at_rest(work.finished, work.final.poses),
+        "has_parallel_faces": bool((opposite_facets(poses.hull, poses.facets) >= 0).all()),
+        "label_mm": [min(heights), max(heights)] if heights else None,
+        "max_abs_error": work.final.max_abs_error,
+        "reading": None if work.reading is None else work.reading.sentence,
+        "file": f"{work.stem}.stl",
+    }
