@@ -177,8 +177,10 @@ class _Problem:
         start: PlanesInPairs,
         thrown: ThrowProbabilities | None,
         set_down: bool,
+        bias: Floats,
     ) -> None:
         self.target, self.start, self.set_down, self.evaluations = target, start, set_down, 0
+        self.bias = bias
         self.sums = np.eye(len(target))[outcome].T
         self.shares = (target / self.sums.sum(axis=1))[outcome]
         strength = np.clip(self.shares.mean() / self.shares, 1.0, MOST_STRENGTH)
@@ -204,8 +206,12 @@ class _Problem:
         if resting.min() < LEAST_PROBABILITY:
             return None
         sums, count = self.sums[:, face], len(self.target)
-        by_hand = [sums @ hand.probabilities(rests) for hand in self.hands]
-        off = np.array(by_hand).reshape(-1, count) - self.target
+        # Corrected by the bias, with the sum 1.
+        scaled = sums * np.exp(self.bias[face])
+        by_hand = np.array([scaled @ hand.probabilities(rests) for hand in self.hands])
+        wholes = by_hand.sum(axis=-1, keepdims=True)
+        by_hand = by_hand.reshape(-1, count) / wholes
+        off = by_hand - self.target
         weights = HAND_WEIGHT * np.sqrt(self.hand_weights)[:, None] / np.sqrt(self.target + RARE)
         short, short_rows = _short_edges(rests)
         change = np.concatenate(
@@ -222,11 +228,13 @@ class _Problem:
         if not slopes:
             return _Terms(np.concatenate(soft), hard, np.zeros(0), np.zeros(0), hull, variation)
         rows = np.concatenate(
-            [rests.jacobian, *(hand.jacobian(rests, sums) for hand in self.hands), short_rows]
+            [rests.jacobian, *(hand.jacobian(rests, scaled) for hand in self.hands), short_rows]
         )
         moved = shape.in_parameters(rows, hull.source) @ planes.directions
         of_faces, of_hands, of_edges = np.split(moved, [len(face), len(moved) - len(short)])
         by_hands = of_hands.reshape(len(self.hands), count, moved.shape[1])
+        by_hands = by_hands - by_hand[..., None] * by_hands.sum(axis=1, keepdims=True)
+        by_hands = by_hands / wholes[..., None]
         pairs = len(planes.half)
         stays = np.concatenate([planes.directions[: 3 * pairs], planes.directions[6 * pairs :]])
         soft_slopes = [
@@ -276,6 +284,7 @@ def solve_outcome_sums(
     distances: Floats,
     thrown: ThrowProbabilities | None,
     set_down: bool = True,
+    bias: Floats | None = None,
 ) -> OutcomeSumsDie | None:
     """Move planes as little as possible until the sums over the faces of each outcome are the
     target, set down and thrown. None if the faces of the start are not the rests of a solid, or no
@@ -289,11 +298,14 @@ def solve_outcome_sums(
         i + m are opposite.
     thrown: model of throws onto a table, or None to look at dice that are set down only. set_down:
         whether the sums are also to be right when set down; they are without `thrown`.
+    bias: (2 m,) logarithms of thrown probabilities of the starting faces over those in the model;
+        None if they are not known.
     """
     pairs = len(normals) // 2
     planes = PlanesInPairs(normals[:pairs], np.log(distances))
     is_thrown = thrown is not None and thrown.mixture is not None
-    problem = _Problem(target, outcome, planes, thrown, set_down or not is_thrown)
+    bias = np.zeros(len(normals)) if bias is None else bias
+    problem = _Problem(target, outcome, planes, thrown, set_down or not is_thrown, bias)
     terms = problem.terms(planes)
     if terms is None:
         return None
