@@ -64,6 +64,9 @@ class EngravingOptions(Options):
     font: str = BUNDLED_FONT
     """The bundled font, the family of an installed one (its bold face), or the path of a .ttf or
     .otf file, relative to the recipe."""
+    narrow: bool = False
+    """Whether labels of several characters are in narrow capitals, which print at a smaller size
+    than small letters."""
     upright: str | list[float] | tuple[float, ...] = "edge"
     """Up on the label: away from the longest edge of the facet ("edge"), from the edge that leaves
     most room ("largest"), or toward a direction [x, y, z] in the coordinates of die_plain.stl."""

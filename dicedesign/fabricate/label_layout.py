@@ -18,7 +18,7 @@ from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import LabelArt, grown, holes_and_parts, label_arts
 from dicedesign.fabricate.numbering import opposite_facets
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.hulls.polygons import inscribed_box
+from dicedesign.geometry.hulls.polygons import centroid, inscribed_box
 from dicedesign.geometry.sphere import angle_between, norms, rigid_motion, rotation_between
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -45,6 +45,7 @@ class LabelPlace:
     facet: of the hull; region: (m, 3) corners of the label's part of it, convex, counter-clockwise
         seen from outside; the longest edge of a corner region is below the label.
     normal: (3,) outward unit normal of the facet.
+    up: (3,) direction in which the label is upright, or None for the one that suits the region.
     """
 
     text: str
@@ -52,6 +53,7 @@ class LabelPlace:
     facet: int
     region: Floats
     normal: Floats
+    up: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,7 +276,18 @@ STEEPEST = 1e-3
 the facet."""
 
 LONGER = 1e-6
-"""Relative tolerance of heights and lengths of edges."""
+"""Relative tolerance of heights."""
+
+TIE_DECIMALS = 4
+
+TIE = 10.0**-TIE_DECIMALS
+"""Relative tolerance of lengths, and tolerance of unit directions, on regions with symmetry."""
+
+USUAL_LABEL = (1.7, 1.0)
+"""Width and height of a label of two digits, for which there is most room along a mirror line."""
+
+HYPHEN_GAIN = 1.1
+"""Least factor by which each hyphen must enlarge a label."""
 
 MOST_ROUNDS = 20
 """Largest number of rounds that fit the height of a label and the growth of its strokes; three are
@@ -393,49 +406,131 @@ def place_labels(
     EngravingError: a label cannot be drawn.
     """
     gaps: Sequence[float | Floats] = margins or [options.margin_mm] * len(places)
-    fits = []
-    for place, margin in zip(places, gaps, strict=True):
-        outward = place.normal / np.linalg.norm(place.normal)
-        rights, arts = _rights(place.region, outward, options), label_arts(place.text, options)
-        first, *others = (
-            _fit(place, art, right, outward, options, margin) for right in rights for art in arts
-        )
+    fits, labels = [], {place.text for place in places}
+    for place, ups, margin in zip(places, upright_choices(places, options), gaps, strict=True):
+        arts = label_arts(place.text, options, labels)
+        best, *others = (_fit(place, art, up, options, margin) for up in ups for art in arts)
         for fit in others:
-            if fit[0].height > (1.0 + LONGER) * first[0].height:
-                first = fit
-        fits.append(first)
+            if _room(fit, options) > (1.0 + LONGER) * _room(best, options):
+                best = fit
+        fits.append(best)
     placements = [placement for placement, _ in fits]
     require_room(placements, [needed for _, needed in fits], size_mm, options)
     return placements
 
 
-def _rights(region: Floats, outward: Floats, options: EngravingOptions) -> list[Floats]:
-    """Candidates (3,) for the direction to the right on a label, in order of preference."""
-    if not isinstance(options.upright, str):
-        up = np.array(options.upright) / np.linalg.norm(options.upright)
-        right = np.cross(up, outward)
-        length = float(np.linalg.norm(right))
-        if length > STEEPEST:
-            return [right / length]
-    edges = np.roll(region, -1, axis=0) - region
-    edges -= np.outer(edges @ outward, outward)
-    lengths = np.linalg.norm(edges, axis=1)
-    order = np.argsort(-lengths, kind="stable")
-    rights = [edges[k] / lengths[k] for k in order if lengths[k] > LONGER * lengths.max()]
-    return rights if options.upright == "largest" else rights[:1]
+def _room(fit: tuple[Placement, float], options: EngravingOptions) -> float:
+    """Height over the least one, or else the inverse of the factor for it; less for hyphens."""
+    placement, needed = fit
+    room = 1.0 / needed if needed > 0.0 else placement.height / options.min_height_mm
+    return room / HYPHEN_GAIN**placement.art.hyphens
+
+
+def upright_choices(places: Sequence[LabelPlace], options: EngravingOptions) -> list[Floats]:
+    """Unit directions (n, 3) in which the labels of k places may be upright, the best first.
+
+    The first is along a mirror line of the region, the one with most room, toward its farther end;
+    or away from the longest edge of a region without one. So it moves with the region under any
+    rotation or reflection. Of directions that a rotation of the region maps onto each other, an
+    axis of the body decides, about which the chosen ones are images of each other too.
+    """
+    normals = np.array([place.normal / np.linalg.norm(place.normal) for place in places])
+    choices = [
+        _uprights(place, normal, options) for place, normal in zip(places, normals, strict=True)
+    ]
+    middles = np.array([place.region.mean(axis=0) for place in places])
+    toward = np.concatenate([place.region for place in places]) - middles.mean(axis=0)
+    axes = np.vstack([np.linalg.eigh(normals.T @ normals)[1].T, toward])
+    axes /= norms(axes)[:, None]
+    # The axis about which the facets are most alike comes first.
+    heights = np.sort(np.abs(axes @ normals.T), axis=1)
+    order = np.argsort((np.diff(heights) > TIE).sum(axis=1), kind="stable")
+    for k, (ups, others) in enumerate(choices):
+        for axis in axes[order] if len(ups) > 1 else ():
+            ups = _nearest_axis(ups, normals[k], axis)
+            if len(ups) == 1:
+                break
+        choices[k] = ups[:1], others
+    return [np.vstack(each) for each in choices]
+
+
+def _uprights(
+    place: LabelPlace, outward: Floats, options: EngravingOptions
+) -> tuple[Floats, Floats]:
+    """Directions (n, 3) that are equally good for a label upright on a region, and others (m, 3)
+    that may leave more room."""
+    others = np.empty((0, 3))
+    given = place.up
+    if given is None and not isinstance(options.upright, str):
+        given = np.array(options.upright)
+    if given is not None:
+        along = given - (given @ outward) * outward
+        length = float(np.linalg.norm(along))
+        if length > STEEPEST * np.linalg.norm(given):
+            return along[None] / length, others
+    edges = np.roll(place.region, -1, axis=0) - place.region
+    right = edges[norms(edges).argmax()]
+    right = right - (right @ outward) * outward
+    right /= np.linalg.norm(right)
+    plane = np.stack([right, np.cross(outward, right)])
+    corners = place.region @ plane.T
+    corners = corners - centroid(corners)
+    size = float(norms(corners).max())
+    edges = (np.roll(corners, -1, axis=0) - corners) / size
+    lengths = norms(edges)
+    edges, lengths = edges[lengths > TIE], lengths[lengths > TIE]
+    inward = np.column_stack([-edges[:, 1], edges[:, 0]]) / lengths[:, None]
+    toward = corners[norms(corners) > TIE * size]
+    toward = toward / norms(toward)[:, None]
+    mirror_lines = [
+        line
+        for line in (*inward, *-inward, *toward, *-toward)
+        if _is_close(2.0 * np.outer(corners @ line, line) - corners, corners, TIE * size)
+    ]
+    ups = np.array(mirror_lines or inward[lengths >= lengths.max() - TIE])
+    ups = ups[np.unique(ups.round(TIE_DECIMALS), axis=0, return_index=True)[1]]
+    room = [
+        inscribed_box(corners @ np.array([[up[1], up[0]], [-up[0], up[1]]]), USUAL_LABEL)[1] / size
+        for up in ups
+    ]
+    ups = _keep_best(ups, np.array(room), (corners @ ups.T).max(axis=0) / size)
+    if options.upright == "largest":
+        others = inward[np.argsort(-lengths, kind="stable")] @ plane
+    return ups @ plane, others
+
+
+def _is_close(points: Floats, others: Floats, distance: float) -> bool:
+    """Whether each of some points (n, 2) is within a distance of one of the others (m, 2)."""
+    return bool((norms(points[:, None] - others).min(axis=1) <= distance).all())
+
+
+def _nearest_axis(ups: Floats, normal: Floats, axis: Floats) -> Floats:
+    """Those of some directions (n, 3) that an axis of the body prefers: along it, toward its end on
+    the side of the facet; all but the last two criteria hold for the opposite axis too."""
+    along, turn = ups @ axis, ups @ np.cross(axis, normal)
+    return _keep_best(ups, np.abs(along), along * (normal @ axis), along * turn, turn, along)
+
+
+def _keep_best(rows: Floats, *measures: Floats) -> Floats:
+    """Rows (n, m) with the largest of the first measures (n,), of these those with the largest of
+    the second, and so on, to within `TIE`."""
+    kept = np.arange(len(rows))
+    for measure in measures:
+        kept = kept[measure[kept] >= measure[kept].max() - TIE]
+    return rows[kept]
 
 
 def _fit(
     place: LabelPlace,
     art: LabelArt,
-    right: Floats,
-    outward: Floats,
+    up: Floats,
     options: EngravingOptions,
     margins: float | Floats,
 ) -> tuple[Placement, float]:
-    """Largest placement of a label with directions (3,) to its right and out of the facet, and the
-    least factor by which the facet must grow for digits of `min_height_mm`, or 0."""
-    up = np.cross(outward, right)
+    """Largest placement of a label that is upright in a direction (3,), and the least factor by
+    which the facet must grow for digits of `min_height_mm`, or 0."""
+    outward = place.normal / np.linalg.norm(place.normal)
+    right = np.cross(up, outward)
     origin = place.region.mean(axis=0)
     flat = (place.region - origin) @ np.column_stack([right, up])
     least, growth = options.min_height_mm, 0.0
