@@ -316,7 +316,7 @@ STAGES: Registry[Stage] = Registry(
             "numbering",
             "moves labels between equally probable facets: numbers even, equal labels spread",
             "dicedesign.recipe.solid:assign_numbers",
-            lambda work: work.recipe.numbering != "given" or work.has_free_labels,
+            lambda work: work.recipe.chosen_numbering != "given" or work.has_free_labels,
         ),
         Stage(
             "size",

@@ -150,7 +150,7 @@ def assign_numbers(work: Work) -> None:
     if target.wanted[1] is not None:
         # Faces that share freely may differ.
         probabilities = solid.poses.probabilities[main]
-    labels, style = target.face_labels, work.recipe.numbering
+    labels, style = target.face_labels, work.recipe.chosen_numbering
     if style == "given":
         # Of repeated labels.
         order = spread_labels(solid.poses.normals[main], labels, probabilities)
@@ -160,6 +160,9 @@ def assign_numbers(work: Work) -> None:
     work.die = die.reorder(np.argsort(order))
     work.notes.append(note)
 
+
+ABBREVIATED = 3
+"""Number of letters of suggested abbreviations; words of one more stay."""
 
 MOST_LARGER = 1.5
 """Factor up to which a die is enlarged for the details of its labels and the walls between them."""
@@ -227,6 +230,15 @@ def enlarge(work: Work) -> None:
             other = fit(changes)
             if other[0] <= MOST_LARGER * given.size_mm and other[3] > wall:
                 chosen, (size_mm, reason, is_fine, wall) = changes, other
+    hint, labels = "", given.target.labels or []
+    short = [each[:ABBREVIATED] if each.isalpha() and len(each) > ABBREVIATED + 1 else each for each in labels]
+    if size_mm > given.size_mm and short != labels and len(set(short)) == len(set(labels)):
+        target = given.target.model_copy(update={"labels": short})
+        work.recipe = given.model_copy(update={"target": target})
+        with suppress(EngravingError):
+            short_mm = max(_fit_labels(work, digit_mm)[0], given.size_mm)
+            if short_mm < size_mm:
+                hint = f"; {', '.join(short[:3])}, ... would fit at {short_mm:g} mm"
     work.recipe = given
     if size_mm > MOST_MM:
         return
@@ -242,7 +254,7 @@ def enlarge(work: Work) -> None:
             f"{printing.printer}"
         )
     if given.size_mm < size_mm:
-        note = f"size_mm: {size_mm:g}, so that {reason}"
+        note = f"size_mm: {size_mm:g}, so that {reason}{hint}"
         if size_mm > LARGE_MM:
             note += "; for a smaller die join rare outcomes, shorten labels or try another seed"
         work.notes.append(note)
