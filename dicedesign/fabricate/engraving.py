@@ -21,12 +21,11 @@ from dicedesign.fabricate.die import Solid
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import (
     Placement,
-    Reading,
-    die_readings,
     edge_margins,
     place_labels,
     wall_distances,
 )
+from dicedesign.fabricate.label_reading import Reading, die_readings
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
@@ -243,6 +242,12 @@ def place_on_facets(
             # Labels are upright toward the corner.
             return place_labels(places, replace(options, upright="edge"), size_mm)
         margins = [edge_margins(hull, each.facet, options) for each in places]
+        if reading.way == "edge":
+            # Parts of facets have the largest margin all around.
+            margins = [
+                own if each.up is None else np.full(len(each.region), own.max())
+                for each, own in zip(places, margins, strict=True)
+            ]
         return place_labels(places, options, size_mm, margins)
 
     for reading in better:

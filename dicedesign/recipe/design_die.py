@@ -197,8 +197,9 @@ def design(
         "half:0,0,-1"; by default uniform.
     symmetry: point group of the die, such as "C2" or "D3h"; "auto", the default without a start,
         for the most handsome of many shapes; or "none".
-    numbering: assignment of equally probable outcomes with numbers as labels, see `Recipe`: "given",
-        "standard", "balanced", or "auto" as on usual dice.
+    numbering: assignment of equally probable outcomes with numbers as labels: "given", "standard"
+        for opposite facets with a constant sum, "balanced" for even sums around corners too, or
+        "auto", see `Recipe`.
     seed: random seed, at least 0.
     size_mm: largest distance between two corners, above 0 and at most 1000.
     engrave: whether to cut the labels, or options for that; by default not.

@@ -40,7 +40,7 @@ from dicedesign.throws.engines import CONTACT_LAW
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import Assessment, Design, Solid
-    from dicedesign.fabricate.label_layout import Reading
+    from dicedesign.fabricate.label_reading import Reading
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.triangles import Surface

@@ -231,7 +231,10 @@ def enlarge(work: Work) -> None:
             if other[0] <= MOST_LARGER * given.size_mm and other[3] > wall:
                 chosen, (size_mm, reason, is_fine, wall) = changes, other
     hint, labels = "", given.target.labels or []
-    short = [each[:ABBREVIATED] if each.isalpha() and len(each) > ABBREVIATED + 1 else each for each in labels]
+    short = [
+        each[:ABBREVIATED] if each.isalpha() and len(each) > ABBREVIATED + 1 else each
+        for each in labels
+    ]
     if size_mm > given.size_mm and short != labels and len(set(short)) == len(set(labels)):
         target = given.target.model_copy(update={"labels": short})
         work.recipe = given.model_copy(update={"target": target})

@@ -182,7 +182,7 @@ def sized_work(
     size_mm: float, engrave: bool = True, enlarge: bool = True, label: str = "6", thin: float = 4.0
 ) -> Work:
     """Run up to the stage "size" of a box with a label on a facet with its smallest side."""
-    entries = {"engrave": engrave, "size_mm": size_mm}
+    entries = {"engrave": engrave, "size_mm": size_mm, "numbering": "given"}
     target = {"fair": 6, "labels": ["1", "2", "3", "4", "5", label]}
     work = run_to_design(box(thin, 5.0, 6.0), target=target, entries=entries)
     work.enlarge = enlarge
