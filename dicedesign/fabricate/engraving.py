@@ -220,6 +220,10 @@ def _find_failed_check(plain: Manifold, body: Manifold, expected: float) -> str 
     return None
 
 
+EDGE_SHARE = 0.6
+"""Least height of labels beside edges on top, over that of labels below, at which they are used."""
+
+
 def place_on_facets(
     die: Solid, hull: ConvexHull, labels: Sequence[str], options: EngravingOptions
 ) -> tuple[Reading, list[Placement]]:
@@ -250,12 +254,16 @@ def place_on_facets(
             ]
         return place_labels(places, options, size_mm, margins)
 
+    def smallest(placements: Sequence[Placement]) -> float:
+        return min((placement.height for placement in placements), default=0.0)
+
     for reading in better:
         with suppress(EngravingError):
             placements = place(reading)
             if options.style == "raised":
                 cut_sections(hull, placements, options)
-            return reading, placements
+            if reading.way != "edge" or smallest(placements) >= EDGE_SHARE * smallest(place(last)):
+                return reading, placements
     return last, place(last)
 
 
