@@ -17,7 +17,7 @@ import numpy as np
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.fabricate.die import Design, make_solid
-from dicedesign.fabricate.label_layout import die_readings
+from dicedesign.fabricate.label_reading import die_readings
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.optimize.coordinates import FacetCoordinates

@@ -72,7 +72,7 @@ def make_start(work: Work) -> None:
 
         # Raises if the art of a label is invalid.
         for label in work.target.labels:
-            label_arts(label, recipe.engrave)
+            label_arts(label, recipe.engrave, work.target.labels)
 
 
 def _make_surface(work: Work, points: int | None) -> None:
@@ -174,7 +174,7 @@ def assign_numbers(work: Work) -> None:
     if target.wanted[1] is not None:
         # Faces that share freely may differ.
         probabilities = solid.poses.probabilities[main]
-    labels, style = target.face_labels, work.recipe.numbering
+    labels, style = target.face_labels, work.recipe.chosen_numbering
     if style == "given":
         # Of repeated labels.
         order = spread_labels(solid.poses.normals[main], labels, probabilities)
@@ -185,8 +185,14 @@ def assign_numbers(work: Work) -> None:
     work.notes.append(note)
 
 
+ABBREVIATED = 3
+"""Number of letters of suggested abbreviations; words of one more stay."""
+
 MOST_LARGER = 1.5
-"""Factor up to which a die is enlarged for the details of its labels."""
+"""Factor up to which a die is enlarged for the details of its labels and the walls between them."""
+
+SURE = 1.05
+"""Width of strokes, over the printer's least one, at which corners of letters have that."""
 
 WIDER = 1.25
 """Margin of labels, over the printer's wall, where one that is as wide leaves a thinner wall."""
@@ -205,46 +211,89 @@ def place_at_size(work: Work, die: Design, size_mm: float) -> list[Placement]:
 
 
 def enlarge(work: Work) -> None:
-    """Raise the recipe's size to the smallest whole number of millimeters at which the labels fit,
-    their strokes and the ridges between them suit the printer, and, with a margin as wide as the
-    printer's walls, those between pockets too."""
+    """Make the labels of a die fit and suit the printer: where that needs a larger die, by labels
+    as fine as the printer makes, and then by the smallest whole number of millimeters; and widen
+    margins until the walls between pockets suit it too."""
     given = work.recipe
     engrave, printing = given.engrave, given.print
     assert engrave is not None
+    digit_mm, least, finer = engrave.min_height_mm, 0.0, list[dict[str, Any]]()
+    if printing is not None and engrave.style == "engraved":
+        printer = printing.selected_printer
+        least = printer.wall_mm
+        small: dict[str, Any] = {
+            "margin_mm": min(engrave.margin_mm, printer.ridge_mm),
+            "min_height_mm": min(digit_mm, printer.letter_mm),
+        }
+        wide = {"stroke_mm": max(engrave.stroke_mm, round(SURE * printer.groove_mm, 3))}
+        narrow = {"narrow": True}
+        shallow = {"depth_mm": min(engrave.depth_mm, printer.groove_depth_mm)}
+        finer = [small | wide, small | narrow, small | wide | narrow | shallow]
+
+    def fit(changes: dict[str, Any]) -> tuple[float, str, bool, float]:
+        work.recipe = given.model_copy(update={"engrave": replace(engrave, **changes)})
+        return _fit_labels(work, digit_mm)
+
     try:
-        size_mm, reason, wall = _fit_labels(work)
+        chosen, (size_mm, reason, is_fine, wall) = dict[str, Any](), fit({})
     except EngravingError:
         # No size helps; the stage engrave reports the error.
         return
-    least, fitting = 0.0, engrave
-    if printing is not None and engrave.style == "engraved":
-        least = printing.selected_printer.wall_mm
-    for margin in (least, WIDER * least):
-        if max(wall, engrave.margin_mm / WIDER) >= least:
+    for changes in finer:
+        if size_mm <= given.size_mm and is_fine:
             break
-        wide = replace(engrave, margin_mm=margin)
-        work.recipe = given.model_copy(update={"engrave": wide})
         with suppress(EngravingError):
-            other_mm, why, thicker = _fit_labels(work)
-            if other_mm <= MOST_LARGER * given.size_mm and thicker > wall:
-                size_mm, reason, wall, fitting = other_mm, why, thicker, wide
-    work.recipe = given.model_copy(update={"engrave": fitting})
-    if fitting != engrave and printing is not None:
+            other = fit(changes)
+            if other[2] >= is_fine and other[0] < size_mm and other[3] >= min(wall, least):
+                chosen, (size_mm, reason, is_fine, wall) = changes, other
+    for margin in (least, WIDER * least):
+        if max(wall, chosen.get("margin_mm", engrave.margin_mm) / WIDER) >= least:
+            break
+        with suppress(EngravingError):
+            changes = chosen | {"margin_mm": margin}
+            other = fit(changes)
+            if other[0] <= MOST_LARGER * given.size_mm and other[3] > wall:
+                chosen, (size_mm, reason, is_fine, wall) = changes, other
+    hint, labels = "", given.target.labels or []
+    short = [
+        each[:ABBREVIATED] if each.isalpha() and len(each) > ABBREVIATED + 1 else each
+        for each in labels
+    ]
+    if size_mm > given.size_mm and short != labels and len(set(short)) == len(set(labels)):
+        target = given.target.model_copy(update={"labels": short})
+        work.recipe = given.model_copy(update={"target": target})
+        with suppress(EngravingError):
+            short_mm = max(_fit_labels(work, digit_mm)[0], given.size_mm)
+            if short_mm < size_mm:
+                hint = f"; {', '.join(short[:3])}, ... would fit at {short_mm:g} mm"
+    work.recipe = given
+    if size_mm > MOST_MM:
+        return
+    size_mm = max(size_mm, given.size_mm)
+    update = {"engrave": replace(engrave, **chosen), "size_mm": size_mm}
+    work.recipe = given.model_copy(update=update)
+    changed = [
+        f"{name}: {value}" for name, value in chosen.items() if value != getattr(engrave, name)
+    ]
+    if changed and printing is not None:
         work.notes.append(
-            f"engrave.margin_mm: {fitting.margin_mm:g}, so that the walls between pockets suit "
+            f"engrave: {', '.join(changed)}, so that labels and the walls between pockets suit "
             f"{printing.printer}"
         )
-    if given.size_mm < size_mm <= MOST_MM:
-        work.recipe = work.recipe.model_copy(update={"size_mm": size_mm})
-        note = f"size_mm: {size_mm:g}, so that {reason}"
+    if given.size_mm < size_mm:
+        note = f"size_mm: {size_mm:g}, so that {reason}{hint}"
         if size_mm > LARGE_MM:
             note += "; for a smaller die join rare outcomes, shorten labels or try another seed"
         work.notes.append(note)
 
 
-def _fit_labels(work: Work) -> tuple[float, str, float]:
-    """Size in mm, above `MOST_MM` if none suits, the reason for it, and the thickness in mm of the
-    thinnest wall under the labels. Raises EngravingError if no size helps."""
+def _fit_labels(work: Work, digit_mm: float) -> tuple[float, str, bool, float]:
+    """Size in mm, above `MOST_MM` if none suits, the reason for it, whether all details suit, and
+    the thickness in mm of the thinnest wall under the labels. Raises EngravingError if no size
+    helps.
+
+    digit_mm: least height of labels of one character.
+    """
     # Only dice with labels need it.
     from dicedesign.fabricate.printability import least_details, narrowest_stroke, walls_under
 
@@ -255,15 +304,17 @@ def _fit_labels(work: Work) -> tuple[float, str, float]:
 
     def lack(placements: list[Placement]) -> float:
         """Least width that prints over the width of the finest detail."""
+        single = [digit_mm / one.height for one in placements if len(one.text) == 1]
         if recipe.print is None:
-            return 0.0
+            return max(single, default=0.0)
         sections = {one.text: one for one in sorted(placements, key=lambda one: -one.height)}
         widths = [
             (least, narrowest_stroke(one.section(), side))
             for one in sections.values()
             for least, side in least_details(recipe.print.selected_printer, engrave)
         ]
-        return max((least / width for least, width in widths if width is not None), default=0.0)
+        ratios = [least / width for least, width in widths if width is not None]
+        return max(single + ratios, default=0.0)
 
     try:
         placements = place(size_mm)
@@ -283,7 +334,8 @@ def _fit_labels(work: Work) -> tuple[float, str, float]:
     if recipe.print is not None and factor <= 1.0 and not is_fine:
         reason += f", and their details suit {recipe.print.printer}"
     hull = make_solid(work.die, size_mm).poses.hull
-    return size_mm, reason, min(walls_under(placements, engrave.depth_mm, hull), default=0.0)
+    wall = min(walls_under(placements, engrave.depth_mm, hull), default=0.0)
+    return size_mm, reason, factor <= 1.0, wall
 
 
 def export(work: Work) -> None:
