@@ -29,6 +29,7 @@ from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates
+from dicedesign.optimize.starts.face_bodies import FaceCode, FaceShares
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum_model import MomentumMixture
 
@@ -62,6 +63,9 @@ MAX_STEPS = 25
 
 REACHED = 1e-11
 """Error of the sums at which they are met."""
+
+ORDERS = 1000
+"""Random orders of outcomes on faces."""
 
 PENALTY = 60.0
 """Initial weight of the error of the sums in the merit function."""
@@ -280,11 +284,9 @@ def _short_edges(rests: RestEvaluation) -> tuple[Floats, Floats]:
 def solve_outcome_sums(
     target: Floats,
     outcome: Integers,
-    normals: Floats,
-    distances: Floats,
+    code: FaceCode,
     thrown: ThrowProbabilities | None,
     set_down: bool = True,
-    bias: Floats | None = None,
 ) -> OutcomeSumsDie | None:
     """Move planes as little as possible until the sums over the faces of each outcome are the
     target, set down and thrown. None if the faces of the start are not the rests of a solid, or no
@@ -294,18 +296,14 @@ def solve_outcome_sums(
     ----------
     target: (k,) probabilities of the outcomes.
     outcome: (2 m,) of each face.
-    normals: (2 m, 3) unit, distances: (2 m,) of the starting planes about the origin; faces i and
-        i + m are opposite.
+    code: the starting planes.
     thrown: model of throws onto a table, or None to look at dice that are set down only. set_down:
         whether the sums are also to be right when set down; they are without `thrown`.
-    bias: (2 m,) logarithms of thrown probabilities of the starting faces over those in the model;
-        None if they are not known.
     """
-    pairs = len(normals) // 2
-    planes = PlanesInPairs(normals[:pairs], np.log(distances))
+    pairs = len(code.normals) // 2
+    planes = PlanesInPairs(code.normals[:pairs], np.log(code.distances))
     is_thrown = thrown is not None and thrown.mixture is not None
-    bias = np.zeros(len(normals)) if bias is None else bias
-    problem = _Problem(target, outcome, planes, thrown, set_down or not is_thrown, bias)
+    problem = _Problem(target, outcome, planes, thrown, set_down or not is_thrown, code.bias)
     terms = problem.terms(planes)
     if terms is None:
         return None
@@ -355,6 +353,33 @@ def solve_outcome_sums(
     return OutcomeSumsDie(
         terms.hull, planes.normals, terms.error, terms.hands, strain, problem.evaluations
     )
+
+
+def arrange_outcomes(
+    target: Floats, shares: FaceShares, code: FaceCode, thrown: ThrowProbabilities | None
+) -> Integers:
+    """(2 m,) outcome of each face of a code, so that the sums are near the target (k,) from the
+    start, set down and thrown: the best of many random orders of the pairs of `shares`."""
+    coordinates = FacetCoordinates(np.zeros(3))
+    parameters = np.concatenate([code.normals.ravel(), np.log(code.distances)])
+    rests = evaluate_rests(torch.from_numpy(coordinates.shape(parameters).points))
+    face = np.argmax(rests.hull.normals[rests.facets] @ code.normals.T, axis=1)
+    models = [rests.probability_values]
+    if thrown is not None:
+        models.append(thrown.probabilities(rests) * np.exp(code.bias[face]))
+    probabilities = np.zeros((len(models), len(code.normals)))
+    probabilities[:, face] = models / np.sum(models, axis=1, keepdims=True)
+    rng, pairs = np.random.default_rng(0), len(code.normals) // 2
+    best, least = shares.outcome, np.inf
+    for _ in range(ORDERS):
+        order = rng.permutation(pairs)
+        turned = (order + pairs * rng.integers(0, 2, pairs)) % (2 * pairs)
+        outcome = shares.outcome[np.concatenate([turned, (turned + pairs) % (2 * pairs)])]
+        sums = np.array([np.bincount(outcome, own, len(target)) for own in probabilities])
+        cost = float(((sums - target) ** 2 / (target + RARE)).sum())
+        if cost < least:
+            best, least = outcome, cost
+    return best
 
 
 def _sequential_step(terms: _Terms, damping: float) -> tuple[Floats, Floats]:
