@@ -4,10 +4,10 @@ the die without labels."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -230,7 +230,7 @@ def enlarge(work: Work) -> None:
         shallow = {"depth_mm": min(engrave.depth_mm, printer.groove_depth_mm)}
         finer = [small | wide, small | narrow, small | wide | narrow | shallow]
 
-    def fit(changes: dict[str, Any]) -> tuple[float, str, bool, float]:
+    def fit(changes: dict[str, Any]) -> tuple[float, str, bool, Callable[[], float]]:
         work.recipe = given.model_copy(update={"engrave": replace(engrave, **changes)})
         return _fit_labels(work, digit_mm)
 
@@ -244,29 +244,35 @@ def enlarge(work: Work) -> None:
             break
         with suppress(EngravingError):
             other = fit(changes)
-            if other[2] >= is_fine and other[0] < size_mm and other[3] >= min(wall, least):
+            is_smaller = other[2] >= is_fine and other[0] < size_mm
+            if is_smaller and other[3]() >= min(wall(), least):
                 chosen, (size_mm, reason, is_fine, wall) = changes, other
     for margin in (least, WIDER * least):
-        if max(wall, chosen.get("margin_mm", engrave.margin_mm) / WIDER) >= least:
+        if max(wall(), chosen.get("margin_mm", engrave.margin_mm) / WIDER) >= least:
             break
         with suppress(EngravingError):
             changes = chosen | {"margin_mm": margin}
             other = fit(changes)
-            if other[0] <= MOST_LARGER * given.size_mm and other[3] > wall:
+            if other[0] <= MOST_LARGER * given.size_mm and other[3]() > wall():
                 chosen, (size_mm, reason, is_fine, wall) = changes, other
-    hint, labels = "", given.target.labels or []
-    short = [
-        each[:ABBREVIATED] if each.isalpha() and len(each) > ABBREVIATED + 1 else each
-        for each in labels
-    ]
-    if size_mm > given.size_mm and short != labels and len(set(short)) == len(set(labels)):
-        target = given.target.model_copy(update={"labels": short})
-        work.recipe = given.model_copy(update={"target": target})
+    hint, target = "", work.target
+    short = {
+        each: each[:ABBREVIATED] if each.isalpha() and len(each) > ABBREVIATED + 1 else each
+        for each in target.labels
+    }
+    if (
+        size_mm > given.size_mm
+        and len(set(short.values())) == len(short)
+        and list(short.values()) != list(short)
+    ):
+        work.recipe = given
+        work.target = replace(target, face_labels=tuple(short[one] for one in target.face_labels))
         with suppress(EngravingError):
             short_mm = max(_fit_labels(work, digit_mm)[0], given.size_mm)
             if short_mm < size_mm:
-                hint = f"; {', '.join(short[:3])}, ... would fit at {short_mm:g} mm"
-    work.recipe = given
+                first = ", ".join(list(short.values())[:3])
+                hint = f"; {first}, ... would fit at {short_mm:g} mm"
+    work.recipe, work.target = given, target
     if size_mm > MOST_MM:
         return
     size_mm = max(size_mm, given.size_mm)
@@ -287,10 +293,10 @@ def enlarge(work: Work) -> None:
         work.notes.append(note)
 
 
-def _fit_labels(work: Work, digit_mm: float) -> tuple[float, str, bool, float]:
-    """Size in mm, above `MOST_MM` if none suits, the reason for it, whether all details suit, and
-    the thickness in mm of the thinnest wall under the labels. Raises EngravingError if no size
-    helps.
+def _fit_labels(work: Work, digit_mm: float) -> tuple[float, str, bool, Callable[[], float]]:
+    """Size in mm, above `MOST_MM` if none suits, the reason for it, whether all details suit, and a
+    function that measures the thinnest wall under the labels in mm. Raises EngravingError if no
+    size helps.
 
     digit_mm: least height of labels of one character.
     """
@@ -333,8 +339,9 @@ def _fit_labels(work: Work, digit_mm: float) -> tuple[float, str, bool, float]:
         size_mm = larger
     if recipe.print is not None and factor <= 1.0 and not is_fine:
         reason += f", and their details suit {recipe.print.printer}"
-    hull = make_solid(work.die, size_mm).poses.hull
-    wall = min(walls_under(placements, engrave.depth_mm, hull), default=0.0)
+    hull, depth = make_solid(work.die, size_mm).poses.hull, engrave.depth_mm
+    # It takes long, and is not always needed.
+    wall = cache(lambda: min(walls_under(placements, depth, hull), default=0.0))
     return size_mm, reason, factor <= 1.0, wall
 
 
