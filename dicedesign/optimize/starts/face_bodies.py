@@ -198,7 +198,7 @@ class FaceCode:
 @cache
 def even_codes() -> Mapping[int, FaceCode]:
     """Codes of faces of nearly one size that come with the package, by their number of faces. Their
-    bias is of 200,000 or more simulated throws onto board-game: `python -m benchmarks train codes`
+    bias is of 100,000 simulated throws onto board-game: `python -m benchmarks codes`
     makes them."""
     text = resources.files("dicedesign.optimize.starts").joinpath("codes.json").read_text()
     codes = dict[int, FaceCode]()
