@@ -4,10 +4,10 @@ the die without labels."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
-from functools import cache, partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from dicedesign.tolerances import EQUAL_PROBABILITIES, MOST_MM
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
+    from dicedesign.geometry.hulls.hull import ConvexHull
 
 SELDOM_PROBABILITY = 1e-3
 """Probability below which a note says that an outcome hardly ever comes up."""
@@ -198,6 +199,10 @@ WIDER = 1.25
 """Margin of labels, over the printer's wall, where one that is as wide leaves a thinner wall."""
 
 
+EVEN_HEIGHTS = 1.2
+"""Largest height of a label over the smallest, on dice with several faces an outcome."""
+
+
 def place_at_size(work: Work, die: Design, size_mm: float) -> list[Placement]:
     """Place the recipe's labels on a design at a size. Raises EngravingError if one has no room."""
     # Only dice with labels need these imports.
@@ -230,31 +235,36 @@ def enlarge(work: Work) -> None:
         shallow = {"depth_mm": min(engrave.depth_mm, printer.groove_depth_mm)}
         finer = [small | wide, small | narrow, small | wide | narrow | shallow]
 
-    def fit(changes: dict[str, Any]) -> tuple[float, str, bool, Callable[[], float]]:
+    def fit(changes: dict[str, Any]) -> _FittingLabels:
         work.recipe = given.model_copy(update={"engrave": replace(engrave, **changes)})
         return _fit_labels(work, digit_mm)
 
     try:
-        chosen, (size_mm, reason, is_fine, wall) = dict[str, Any](), fit({})
+        chosen, best = dict[str, Any](), fit({})
     except EngravingError:
         # No size helps; the stage engrave reports the error.
         return
     for changes in finer:
-        if size_mm <= given.size_mm and is_fine:
+        if best.size_mm <= given.size_mm and best.is_fine:
             break
         with suppress(EngravingError):
             other = fit(changes)
-            is_smaller = other[2] >= is_fine and other[0] < size_mm
-            if is_smaller and other[3]() >= min(wall(), least):
-                chosen, (size_mm, reason, is_fine, wall) = changes, other
+            is_smaller = other.is_fine >= best.is_fine and other.size_mm < best.size_mm
+            if is_smaller and other.wall_mm >= min(best.wall_mm, least):
+                chosen, best = changes, other
     for margin in (least, WIDER * least):
-        if max(wall(), chosen.get("margin_mm", engrave.margin_mm) / WIDER) >= least:
+        if max(best.wall_mm, chosen.get("margin_mm", engrave.margin_mm) / WIDER) >= least:
             break
         with suppress(EngravingError):
             changes = chosen | {"margin_mm": margin}
             other = fit(changes)
-            if other[0] <= MOST_LARGER * given.size_mm and other[3]() > wall():
-                chosen, (size_mm, reason, is_fine, wall) = changes, other
+            if other.size_mm <= MOST_LARGER * given.size_mm and other.wall_mm > best.wall_mm:
+                chosen, best = changes, other
+    size_mm, heights = best.size_mm, [one.height for one in best.placements]
+    if work.target.has_repeated_labels and heights:
+        # The labels of one outcome look alike.
+        most = max(round(EVEN_HEIGHTS * min(heights), 2), engrave.min_height_mm)
+        chosen = chosen | {"max_height_mm": min(engrave.max_height_mm, most)}
     hint, target = "", work.target
     short = {
         each: each[:ABBREVIATED] if each.isalpha() and len(each) > ABBREVIATED + 1 else each
@@ -268,7 +278,7 @@ def enlarge(work: Work) -> None:
         work.recipe = given
         work.target = replace(target, face_labels=tuple(short[one] for one in target.face_labels))
         with suppress(EngravingError):
-            short_mm = max(_fit_labels(work, digit_mm)[0], given.size_mm)
+            short_mm = max(_fit_labels(work, digit_mm).size_mm, given.size_mm)
             if short_mm < size_mm:
                 first = ", ".join(list(short.values())[:3])
                 hint = f"; {first}, ... would fit at {short_mm:g} mm"
@@ -279,7 +289,9 @@ def enlarge(work: Work) -> None:
     update = {"engrave": replace(engrave, **chosen), "size_mm": size_mm}
     work.recipe = given.model_copy(update=update)
     changed = [
-        f"{name}: {value}" for name, value in chosen.items() if value != getattr(engrave, name)
+        f"{name}: {value}"
+        for name, value in chosen.items()
+        if value != getattr(engrave, name) and name != "max_height_mm"
     ]
     if changed and printing is not None:
         work.notes.append(
@@ -287,21 +299,46 @@ def enlarge(work: Work) -> None:
             f"{printing.printer}"
         )
     if given.size_mm < size_mm:
-        note = f"size_mm: {size_mm:g}, so that {reason}{hint}"
+        note = f"size_mm: {size_mm:g}, so that {best.reason}{hint}"
         if size_mm > LARGE_MM:
             note += "; for a smaller die join rare outcomes, shorten labels or try another seed"
         work.notes.append(note)
 
 
-def _fit_labels(work: Work, digit_mm: float) -> tuple[float, str, bool, Callable[[], float]]:
-    """Size in mm, above `MOST_MM` if none suits, the reason for it, whether all details suit, and a
-    function that measures the thinnest wall under the labels in mm. Raises EngravingError if no
-    size helps.
+@dataclass(frozen=True, eq=False)
+class _FittingLabels:
+    """Labels at the size where they fit.
+
+    Attributes
+    ----------
+    size_mm: above `MOST_MM` if none suits. reason: for the size.
+    is_fine: whether all details suit the printer.
+    placements: of the labels; hull: of the die in mm; depth: of pockets.
+    """
+
+    size_mm: float
+    reason: str
+    is_fine: bool
+    placements: list[Placement]
+    hull: ConvexHull
+    depth: float
+
+    @cached_property
+    def wall_mm(self) -> float:
+        """Thickness of the thinnest wall under the labels."""
+        # Only dice with labels need it.
+        from dicedesign.fabricate.printability import walls_under
+
+        return min(walls_under(self.placements, self.depth, self.hull), default=0.0)
+
+
+def _fit_labels(work: Work, digit_mm: float) -> _FittingLabels:
+    """Find the size at which labels fit. Raises EngravingError if no size helps.
 
     digit_mm: least height of labels of one character.
     """
     # Only dice with labels need it.
-    from dicedesign.fabricate.printability import least_details, narrowest_stroke, walls_under
+    from dicedesign.fabricate.printability import least_details, narrowest_stroke
 
     recipe = work.recipe
     engrave, size_mm, reason = recipe.engrave, recipe.size_mm, "the labels fit"
@@ -339,10 +376,9 @@ def _fit_labels(work: Work, digit_mm: float) -> tuple[float, str, bool, Callable
         size_mm = larger
     if recipe.print is not None and factor <= 1.0 and not is_fine:
         reason += f", and their details suit {recipe.print.printer}"
-    hull, depth = make_solid(work.die, size_mm).poses.hull, engrave.depth_mm
-    # It takes long, and is not always needed.
-    wall = cache(lambda: min(walls_under(placements, depth, hull), default=0.0))
-    return size_mm, reason, factor <= 1.0, wall
+    hull = make_solid(work.die, size_mm).poses.hull
+    is_fine = factor <= 1.0
+    return _FittingLabels(size_mm, reason, is_fine, placements, hull, engrave.depth_mm)
 
 
 def export(work: Work) -> None:
