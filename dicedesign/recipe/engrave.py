@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -89,16 +90,14 @@ def _finish_convex(work: Work) -> None:
     given, is_thrown = solid.center_of_mass, work.recipe.method.is_thrown
     core = core_of(solid.poses, edges)
     placements: list[Placement] = []
+    can_be_even = False
     if options is not None:
         labels = work.target.face_labels
         work.reading, placements = place_on_facets(solid, core, labels, options)
-        if (
-            work.die.symmetry is not None
-            and given is None
-            and edges is None
-            and (options.style, options.balance) == ("engraved", "shape")
-        ):
-            placements = _even_pockets(work, placements)
+        is_plain = (options.style, options.balance) == ("engraved", "shape")
+        can_be_even = is_plain and work.die.symmetry is not None and given is None
+    if can_be_even and edges is None:
+        placements = _even_pockets(work, placements)
     finish = ConvexObject(options, edges, None if given is None else given - core.centroid)
     if given is not None and (edges is None or is_thrown):
         # Labels do not change the hull.
@@ -117,17 +116,23 @@ def _finish_convex(work: Work) -> None:
         measure = measure_thrown(table, outcome_of)
         model = ThrowProbabilities.on(table)
         target = measure(solid, directions).probabilities
-    end = reshape(
+    fit = partial(
+        reshape,
         core,
         directions,
-        placements,
-        target,
-        finish,
-        measure,
+        target=target,
+        labeled=finish,
+        measure=measure,
         rounds=rounds,
         model=model,
         outcome_of=outcome_of,
     )
+    end = fit(placements)
+    if can_be_even and edges is not None and min(end.errors) > MAX_ERROR:
+        # Corners of symmetric shapes split when single facets move.
+        even = _even_pockets(work, list(finish.place_labels(placements)))
+        shares = [label.depth_share for label in even]
+        end = fit([replace(p, depth_share=s) for p, s in zip(placements, shares, strict=True)])
     work.balance = Balance(
         by,
         tuple(work.target.sums(end.first.probabilities).tolist()),
@@ -149,7 +154,8 @@ def _finish_convex(work: Work) -> None:
 
 
 def _even_pockets(work: Work, placements: list[Placement]) -> list[Placement]:
-    """Keep the symmetry of a die by the depths of its pockets, if they and the printer allow it."""
+    """Keep the symmetry of a die by the depths of its pockets, if they and the printer allow it.
+    The printer is not asked if edges are rounded, as then nothing else keeps the probabilities."""
     engrave, printing = work.recipe.engrave, work.recipe.print
     assert engrave is not None
     depth = engrave.depth_mm
@@ -157,7 +163,10 @@ def _even_pockets(work: Work, placements: list[Placement]) -> list[Placement]:
     if even is None:
         return placements
     least = depth * min(placement.depth_share for placement in even)
-    if printing is not None and least < min(depth, printing.selected_printer.groove_depth_mm):
+    shown = 0.0
+    if printing is not None and work.recipe.edges is None:
+        shown = min(depth, printing.selected_printer.groove_depth_mm)
+    if least < shown:
         return placements
     work.notes.append(
         f"labels are {least:.2g} to {depth:.2g} mm deep, so that the probabilities and the "

@@ -1,0 +1,58 @@
+"""Dice of many faces whose outcomes have the target set down and thrown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from common.kernels import compiled_only
+
+from dicedesign import rest_poses
+from dicedesign.gradient.probability_model import ThrowProbabilities
+from dicedesign.optimize.solvers.outcome_sums import (
+    PlanesInPairs,
+    _Problem,
+    solve_outcome_sums,
+)
+from dicedesign.optimize.starts.face_bodies import share_faces, weighted_code
+from dicedesign.throws.momentum_probabilities import throw_probabilities
+
+pytestmark = compiled_only
+
+BOARD_GAME = ThrowProbabilities.on("board-game")
+
+
+@pytest.mark.parametrize("weights", [(5, 3, 2), (7, 5, 3, 2, 2, 1)], ids=str)
+def test_outcomes_have_the_target_set_down_and_thrown(weights: tuple[int, ...]) -> None:
+    """Judged by the forward models of the corners."""
+    target, faces = np.array(weights) / sum(weights), 24
+    shared = share_faces(target, faces)
+    die = solve_outcome_sums(target, shared.outcome, *weighted_code(shared.shares, 2), BOARD_GAME)
+    assert die is not None
+    poses = rest_poses(die.hull.vertices)
+    assert len(poses.probabilities) == faces
+    outcome = shared.outcome[np.argmax(poses.normals @ die.normals.T, axis=1)]
+    thrown = throw_probabilities(die.hull.vertices, poses)
+    for probabilities in (poses.probabilities, thrown):
+        assert np.abs(np.bincount(outcome, probabilities) - target).max() < 1e-9
+    # Single faces differ, so that these are two conditions.
+    assert np.abs(thrown - poses.probabilities).max() > 1e-4
+    np.testing.assert_allclose(die.normals[: faces // 2], -die.normals[faces // 2 :])
+
+
+def test_slopes_agree_with_difference_quotients() -> None:
+    """At a shape with short edges, and feet of the center near the ends of edges."""
+    target = np.array([0.5, 0.3, 0.2])
+    shared = share_faces(target, 16)
+    normals, distances = weighted_code(shared.shares, 1)
+    planes, step = PlanesInPairs(normals[:8], np.log(distances)), 1e-6
+    problem = _Problem(target, shared.outcome, planes, BOARD_GAME, True)
+    terms = problem.terms(planes)
+    assert terms is not None
+    # Faces, hands, edges and feet, moves.
+    assert len(terms.soft) - 16 - 3 * len(problem.hands) - 40 == 6
+    for along in np.random.default_rng(0).normal(size=(3, 32)):
+        ends = [problem.terms(planes.move(sign * step * along), False) for sign in (1, -1)]
+        for name in ("soft", "hard"):
+            ahead, behind = (getattr(end, name) for end in ends)
+            slopes = getattr(terms, f"{name}_slopes") @ along
+            np.testing.assert_allclose((ahead - behind) / (2.0 * step), slopes, atol=2e-6)
