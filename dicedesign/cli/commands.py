@@ -171,6 +171,33 @@ class DesignArguments(WithItem, WithResults):
 
 
 @dataclass
+class SetArguments(Command):
+    help_text = """Make a set of dice in one style.
+
+    The dice have their usual bodies, one size and labels of one height. Writes a folder for each, a
+    page of all, and plate.3mf with all dice on the print bed, each resting on a face.
+
+    Options:
+    dice (DIE): d4, d6, d8, d10, d12, d20, d% for 00 to 90, or other targets such as 2d6 or 4dF
+    size (MM): distance between opposite faces, or without them the height at rest (default: 16;
+        larger for dice whose labels need it)
+    font (NAME): an installed font, or a .ttf or .otf file
+    edges (MM|chamfer): round the edges with this radius, or cut them flat
+    printer (NAME): fdm (filament), sla (resin) or sls (powder) (default: fdm)
+    out (DIR): folder for the results (default: outputs/set)
+
+    Example: dicedesign set d4 d6 d8 d10 d% d12 d20"""
+
+    dice: tuple[str, ...]
+    _: KW_ONLY
+    size: float = 16.0
+    font: str | None = None
+    edges: str | None = None
+    printer: str = "fdm"
+    out: Path = Path("outputs/set")
+
+
+@dataclass
 class SweepArguments(WithWorkers):
     help_text = """Make a die for each combination of some values, and rank them.
 

@@ -1,4 +1,4 @@
-"""`dicedesign run`, `design`, `sweep` and `view`."""
+"""`dicedesign run`, `design`, `set`, `sweep` and `view`."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from dicedesign.cli.commands import (
     DesignArguments,
     RunArguments,
+    SetArguments,
     SweepArguments,
     ViewArguments,
     WithResults,
@@ -90,8 +91,7 @@ def design(options: DesignArguments) -> int:
         if engrave or options.labels is not None:
             entries["engrave"] = engrave
         if options.edges is not None:
-            key = "shape" if options.edges.isalpha() else "radius_mm"
-            entries["edges"] = {key: options.edges}
+            entries["edges"] = _edges(options.edges)
         if options.size_mm is not None:
             entries["size_mm"] = options.size_mm
         if options.table is not None:
@@ -118,6 +118,11 @@ def design(options: DesignArguments) -> int:
                 + (f"did you mean {guess:g}?" if guess >= MIN_SIZE_MM else "write such as 30")
             )
         return _run(recipe, options, enlarge=options.size_mm is None)
+
+
+def _edges(text: str) -> dict[str, str]:
+    """Entries of `edges` for the value of `--edges`."""
+    return {"shape" if text.isalpha() else "radius_mm": text}
 
 
 def _engraving(options: DesignArguments) -> dict[str, Any]:
@@ -300,6 +305,45 @@ def _candidate_table(candidates: Sequence[Candidate]) -> str:
         ("g", ">", _texts([one.weight_g for one in candidates], ".1f")),
         ("lacks", "", [", ".join(one.lacks) for one in candidates]),
     )
+
+
+NOTED_GROWTH = 1.01
+"""Ratio of the size of a die to that of its set above which a note says so."""
+
+
+def make_dice_set(options: SetArguments) -> int:
+    """Make a set of dice in one style."""
+    from dicedesign.fabricate.finish_options import is_font_file
+    from dicedesign.runtime.workers import progress_bar
+    from dicedesign.sweep.dice_set import PLATE, make_set, set_recipes
+    from dicedesign.sweep.ranking import PAGE
+
+    style: dict[str, Any] = {"print": options.printer}
+    if options.font is not None:
+        is_file = is_font_file(options.font)
+        style["engrave"] = {"font": os.path.realpath(options.font) if is_file else options.font}
+    if options.edges is not None:
+        style["edges"] = _edges(options.edges)
+    recipes = set_recipes(options.dice, style)
+    note_missing_kernels()
+    with progress_bar("steps", 2 * len(recipes)) as bar:
+        dice = make_set(recipes, options.size, options.out, bar.update)
+    for die in dice:
+        if die["size_mm"] > NOTED_GROWTH * options.size:
+            print_notes(f"{die['name']}: {die['size_mm']:.1f} mm large, so that its labels fit")
+        if die["status"] != "converged":
+            print_notes(f"{die['name']}: {die['message']}")
+    print(
+        text_table(
+            ("die", "", [die["name"] for die in dice]),
+            ("size mm", ".2f", [die["size_mm"] for die in dice]),
+            ("digits mm", ">", _texts([min(die["label_mm"] or [None]) for die in dice], ".2f")),
+            ("max |p - q|", ".1e", [die["max_abs_error"] for die in dice]),
+            ("status", "", [die["status"] for die in dice]),
+        )
+    )
+    print(f"files in {printable(options.out)}: {PAGE}, {PLATE} and a folder for each die")
+    return 0 if all(die["status"] == "converged" for die in dice) else 1
 
 
 def sweep(options: SweepArguments) -> int:

@@ -34,6 +34,7 @@ from dicedesign.cli.commands import (
     RollsArguments,
     RunArguments,
     ScatterArguments,
+    SetArguments,
     SweepArguments,
     ThrowArguments,
     ViewArguments,
@@ -45,6 +46,7 @@ __all__ = ["main"]
 COMMANDS: dict[str, tuple[type[Command], str]] = {
     "run": (RunArguments, "dice:run_recipe"),
     "design": (DesignArguments, "dice:design"),
+    "set": (SetArguments, "dice:make_dice_set"),
     "sweep": (SweepArguments, "dice:sweep"),
     "rest": (RestArguments, "rest:list_rests"),
     "drop": (DropArguments, "rest:drop"),

@@ -71,12 +71,14 @@ class Contents:
     parts: at least one, all in one coordinate system.
     facts: texts by name, such as Target, for formats that can hold them.
     unit: of lengths, for formats with comments.
+    is_plate: whether each part is a body to print, and an item of its own in 3MF.
     """
 
     title: str
     parts: Sequence[Part]
     facts: Mapping[str, str] = field(default_factory=dict)
     unit: str = "millimeters"
+    is_plate: bool = False
 
     def materials(self) -> list[tuple[str, str]]:
         """Unique names and colors of the groups of all parts."""
@@ -166,7 +168,7 @@ RELATIONS = (
 
 def three_mf(contents: Contents) -> bytes:
     """Write 3MF: an object for each part, colors of triangles, and one item to print that holds all
-    parts."""
+    parts, or on a plate an item for each."""
     import zipfile
 
     # Number 1 is the list of materials.
@@ -181,13 +183,15 @@ def three_mf(contents: Contents) -> bytes:
             f'<object id="{number}" type="model" name="{_escape(part.name)}" {own}><mesh>'
             f"<vertices>{corners}</vertices><triangles>{faces}</triangles></mesh></object>"
         )
-    if len(contents.parts) > 1:
-        components = "".join(f'<component objectid="{k}"/>' for k in range(2, number + 1))
-        number += 1
+    items = range(2, number + 1)
+    if len(items) > 1 and not contents.is_plate:
+        components = "".join(f'<component objectid="{k}"/>' for k in items)
+        items = range(number + 1, number + 2)
         objects += (
-            f'<object id="{number}" type="model" name="{_escape(contents.title)}"><components>'
+            f'<object id="{items[0]}" type="model" name="{_escape(contents.title)}"><components>'
             f"{components}</components></object>"
         )
+    build = "".join(f'<item objectid="{k}"/>' for k in items)
     bases = "".join(
         f'<base name="{_escape(name)}" displaycolor="{_escape(color.upper())}"/>'
         for name, color in materials
@@ -200,7 +204,7 @@ def three_mf(contents: Contents) -> bytes:
     model = (
         f'<model unit="millimeter" xml:lang="en-US" xmlns="{PRINTING}/core/2015/02" '
         f'xmlns:die="urn:dicedesign:die">{facts}<resources><basematerials id="1">{bases}'
-        f'</basematerials>{objects}</resources><build><item objectid="{number}"/></build></model>'
+        f"</basematerials>{objects}</resources><build>{build}</build></model>"
     )
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:

@@ -68,6 +68,7 @@ class Printer(Extension):
     dimensional_error_mm: largest error of a dimension of a die's size, either way.
     roughness_mm: standard deviation of the surface beside its layers.
     shrinkage: linear, after the printer's own compensation, as a share.
+    bed_width_mm: width of its print bed. bed_depth_mm: depth of its print bed.
     materials: names from `MATERIALS`, the usual one first.
     sources: of these numbers: author, title, year.
     """
@@ -84,6 +85,8 @@ class Printer(Extension):
     dimensional_error_mm: float
     roughness_mm: float
     shrinkage: float
+    bed_width_mm: float
+    bed_depth_mm: float
     materials: tuple[str, ...]
     sources: tuple[str, ...]
 
@@ -115,6 +118,8 @@ FDM = Printer(
     dimensional_error_mm=0.2,
     roughness_mm=0.02,
     shrinkage=0.002,
+    bed_width_mm=180.0,
+    bed_depth_mm=180.0,
     materials=("pla", "petg", "abs", "asa", "pc"),
     sources=(
         "wall, overhang, error: Print It 4 Me, Designing parts for 3D printing, read 2026",
@@ -124,6 +129,7 @@ FDM = Printer(
         "Reports, s41598-025-26253-0, figure 14, 2025, as blobs and seams stand out",
         "shrinkage: Novalab3D, Dimensional accuracy and shrinkage in FDM engineering "
         "filaments, 2026 (PLA, 0.1 to 0.2 %)",
+        "bed: Prusa Research, profile of the Original Prusa MINI in PrusaSlicer 2.5, 2022",
     ),
 )
 
@@ -143,9 +149,11 @@ SLA = Printer(
     dimensional_error_mm=0.1,
     roughness_mm=0.003,
     shrinkage=0.002,
+    bed_width_mm=118.0,
+    bed_depth_mm=66.0,
     materials=("resin",),
     sources=(
-        "spot, layer: Prusa Research, profile of the Original Prusa SL1 in PrusaSlicer 2.5, "
+        "spot, layer, bed: Prusa Research, profile of the Original Prusa SL1 in PrusaSlicer 2.5, "
         "2022 (2560 pixels over 121 mm; layers of 0.05 mm)",
         "wall, groove, ridge, overhang: Formlabs, Form 2 design guide, 2017 (supported walls)",
         "raised: Micro Workshops, 3D printing design guide, read 2026",
@@ -173,9 +181,11 @@ SLS = Printer(
     dimensional_error_mm=0.3,
     roughness_mm=0.02,
     shrinkage=0.003,
+    bed_width_mm=165.0,
+    bed_depth_mm=165.0,
     materials=("pa12",),
     sources=(
-        "spot, layer: Formlabs, Fuse 1 technical specifications, 2021",
+        "spot, layer, bed: Formlabs, Fuse 1 technical specifications, 2021",
         "wall, ridge, overhang, error: Print It 4 Me, Designing parts for 3D printing, read 2026",
         "groove, raised: JLCPCB, 3D printing design guidelines, read 2026 (PA12)",
         "roughness: a guess, that of filament",

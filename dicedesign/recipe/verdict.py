@@ -48,7 +48,10 @@ def describe_verdict(work: Work) -> str:
         verdict = f"{subject} {has} your probabilities: off by {off}."
         if method.is_thrown:
             set_down = tuple(work.final.outcomes.probabilities.tolist())
-            verdict += f" Set down, {_worst(work.target.labels, set_down, target)}."
+            if work.final.max_abs_error > NEARLY:
+                verdict += f" Set down, {_worst(work.target.labels, set_down, target)}."
+            else:
+                verdict += " Set down it has them too."
         elif work.forecast is not None:
             verdict = _with_throws(subject, has, off, work.forecast, work.target.labels, target)
     elif error <= most:

@@ -1,5 +1,5 @@
 """Pages, each one HTML file that needs nothing else: the report of a die, whose 3D view, table of
-facets and Gauss map are linked, and the dice of a sweep."""
+facets and Gauss map are linked, the dice of a sweep, and a set of dice."""
 
 from __future__ import annotations
 
@@ -19,15 +19,22 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.fabricate.file_formats import BODY_COLOR, Contents, Part, glb
+from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Contents, Part, glb
 from dicedesign.fabricate.printers import MATERIALS
 from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import Surface, doubled_area_vectors
-from dicedesign.palette import BASINS
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors, join_surfaces
+from dicedesign.palette import BASINS, rgb
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.report.figures import FIGURES, MAX_FLAT_TRIANGLES
-from dicedesign.report.raster import Camera, encode_png, frame_cameras, three_cameras
-from dicedesign.report.renderer import RenderMesh, render
+from dicedesign.report.raster import (
+    UP,
+    Camera,
+    encode_png,
+    frame_cameras,
+    three_cameras,
+    trim,
+)
+from dicedesign.report.renderer import RenderMesh, color_triangles, render, render_on_table
 from dicedesign.results.parts import Draft, Search, Status, TableResult
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
@@ -65,6 +72,9 @@ TOUCHING_HEIGHT = 3e-3
 
 TOUCHING_COSINE = 0.9
 """Cosine of the largest slope of the surface where it touches the table."""
+
+PLATE_PIXELS = 1200
+"""Side of the picture of a print bed before it is trimmed."""
 
 LABEL_COSINE = 0.999
 """Cosine of the largest angle between the normals of a label and of its facet."""
@@ -305,7 +315,11 @@ def sweep_page(
     name: of the recipe. rows: of sweep.csv. keys: columns of the varied keys.
     solids: surface in mm and direction upward (3,) of each die that was made, by its folder.
     """
-    pictures = {folder: _small_picture(*solid) for folder, solid in solids.items()}
+    pictures = {}
+    for folder, (solid, up) in solids.items():
+        is_smooth = len(solid.triangles) > MAX_FLAT_TRIANGLES
+        mesh = RenderMesh(solid.points, solid.triangles, smooth=is_smooth)
+        pictures[folder] = _small_picture(mesh, up)
     return _table_page(
         "sweep",
         title=f"{name}: sweep",
@@ -315,13 +329,38 @@ def sweep_page(
     )
 
 
-def _small_picture(solid: Surface, up: Floats) -> bytes:
-    """PNG of a solid at rest, from about 30 degrees above."""
-    surface = RenderMesh(
-        solid.points, solid.triangles, smooth=len(solid.triangles) > MAX_FLAT_TRIANGLES
+def set_page(plate: Contents, dice: Sequence[Mapping[str, Any]]) -> str:
+    """HTML of a set of dice.
+
+    Parameters
+    ----------
+    plate: the dice on the print bed, z upward. dice: entries of set.json, in the same order.
+    """
+    whole = _paint(plate.parts)
+    (camera,) = frame_cameras([Camera(np.array([0.0, -0.4, 1.0]), UP)], [whole.points])
+    (picture,) = trim([render_on_table(whole, UP, camera, PLATE_PIXELS)])
+    return _table_page(
+        "set",
+        title=plate.title,
+        dice=dice,
+        plate=encode_png(picture),
+        pictures=[_small_picture(_paint([part]), UP) for part in plate.parts],
     )
-    direction = three_cameras(solid.points, up)[0].direction + 0.3 * up
-    (camera,) = frame_cameras([Camera(direction, up)], [solid.points])
+
+
+def _paint(parts: Sequence[Part]) -> RenderMesh:
+    """Solids with their labels in color."""
+    labels = [np.zeros(len(p.triangles), bool) if p.labels is None else p.labels for p in parts]
+    body, label = rgb([BODY_COLOR, LABEL_COLOR])
+    whole = join_surfaces(*parts)
+    colors = np.where(np.concatenate(labels)[:, None], label, body)
+    return color_triangles(whole.points, whole.triangles, colors)
+
+
+def _small_picture(surface: RenderMesh, up: Floats) -> bytes:
+    """PNG of a solid at rest, from about 30 degrees above."""
+    direction = three_cameras(surface.points, up)[0].direction + 0.3 * up
+    (camera,) = frame_cameras([Camera(direction, up)], [surface.points])
     return encode_png(render(surface, camera, 220))
 
 

@@ -38,7 +38,7 @@ COLUMNS = (
 """Columns of sweep.csv, before the columns of the varied keys."""
 
 Row = dict[str, Any]
-"""Row of sweep.csv, by column."""
+"""Row of sweep.csv by column, or entry of set.json."""
 
 
 def pareto_front(points: Floats) -> Booleans:

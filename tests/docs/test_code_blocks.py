@@ -30,6 +30,7 @@ LONG = (
 """Beginnings of commands that are only parsed here; `.ci/run` and other tests run them."""
 
 FULL = (
+    "set ",
     "sweep ",
     "balance ",
     "run ",

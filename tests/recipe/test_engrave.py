@@ -175,6 +175,16 @@ def test_a_symmetry_is_kept_if_the_printer_shows_the_labels(printer: str, is_kep
     assert np.allclose(np.sort(before.areas), np.sort(after.areas), rtol=1e-6) == is_kept
 
 
+def test_a_rounded_die_keeps_its_symmetry_where_moved_facets_would_split_corners() -> None:
+    work = design_of("octahedron", edges=True, numbering="standard")
+    run_stages(work, after="design", last="engrave")
+    assert work.engraved is not None
+    assert work.engraved.assessment is not None
+    np.testing.assert_allclose(work.engraved.assessment.outcomes.probabilities, 0.125, atol=1e-9)
+    assert work.balance is not None
+    assert work.balance.moved_mm < 1e-9
+
+
 # Sizes.
 
 
