@@ -163,9 +163,8 @@ class Work:
     @property
     def message(self) -> str:
         """See `describe_verdict`."""
-        from dicedesign.recipe.verdict import describe_verdict
-
-        return describe_verdict(self)
+        describe: Callable[[Work], str] = resolve_name("dicedesign.recipe.verdict:describe_verdict")
+        return describe(self)
 
     def fail(self, status: Status) -> None:
         """Replace the status of a converged die."""
