@@ -20,15 +20,8 @@ from dicedesign.recipe.callbacks import Callbacks
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.folder import CHECKPOINT, PAGE, RECIPE, open_results_folder, write_results
-from dicedesign.results.parts import (
-    Candidate,
-    Concave,
-    Printability,
-    Search,
-    Status,
-    TableResult,
-    ThrowForecast,
-)
+from dicedesign.results.parts import Candidate, Concave, Search, Status, TableResult, ThrowForecast
+from dicedesign.results.print_parts import Printability
 from dicedesign.results.result import (
     RESULT,
     Balance,
