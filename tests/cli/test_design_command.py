@@ -58,7 +58,7 @@ def test_decimals_and_all_options(tmp_path: Path, capsys: pytest.CaptureFixture[
     command = ["design", "--target", ".1,0.2,3e-1,2/5", *options, "--no-figures"]
     assert main([*command, "--out", str(tmp_path / "here")]) == 0
     output = capsys.readouterr().out
-    assert output.startswith("loaded: die.stl has your probabilities ")
+    assert output.startswith("loaded: die.stl has your probabilities")
     poses = rest_poses(read_body(tmp_path / "here" / "die_plain.stl"))
     np.testing.assert_allclose(poses.probabilities, [0.4, 0.3, 0.2, 0.1], atol=1e-5)
     recipe = read_recipe(tmp_path / "here" / "recipe.yaml")
