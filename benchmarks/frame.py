@@ -41,6 +41,7 @@ from dicedesign.recipe.pipeline import Work, run_stages
 
 BENCHES = (
     "accuracy",
+    "codes",
     "concave",
     "default_dice",
     "design",

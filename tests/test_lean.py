@@ -89,7 +89,7 @@ start: {mesh: {path: cube.obj}}
 method: {concave: {attempts: 1}}
 """
 
-ENGRAVERS = {"fonts", "label_layout", "label_art", "engraving", "marks"}
+ENGRAVERS = {"fonts", "label_layout", "label_reading", "label_art", "engraving", "marks"}
 
 
 def test_plain_recipes_load_no_engraver_no_solver_and_no_remesher(tmp_path: Path) -> None:

@@ -31,7 +31,8 @@ from dicedesign.tolerances import FILE_PROBABILITIES, LEAST_MARGIN, SAME_REST_AN
 
 if TYPE_CHECKING:
     from dicedesign.concave.result import ConcaveDie
-    from dicedesign.fabricate.label_layout import Placement, Reading
+    from dicedesign.fabricate.label_layout import Placement
+    from dicedesign.fabricate.label_reading import Reading
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.throws.simulation import ThrownDie

@@ -21,12 +21,11 @@ from dicedesign.fabricate.die import Solid
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import (
     Placement,
-    Reading,
-    die_readings,
     edge_margins,
     place_labels,
     wall_distances,
 )
+from dicedesign.fabricate.label_reading import Reading, die_readings
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import shells_of
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
@@ -221,6 +220,10 @@ def _find_failed_check(plain: Manifold, body: Manifold, expected: float) -> str 
     return None
 
 
+EDGE_SHARE = 0.6
+"""Least height of labels beside edges on top, over that of labels below, at which they are used."""
+
+
 def place_on_facets(
     die: Solid, hull: ConvexHull, labels: Sequence[str], options: EngravingOptions
 ) -> tuple[Reading, list[Placement]]:
@@ -243,14 +246,24 @@ def place_on_facets(
             # Labels are upright toward the corner.
             return place_labels(places, replace(options, upright="edge"), size_mm)
         margins = [edge_margins(hull, each.facet, options) for each in places]
+        if reading.way == "edge":
+            # Parts of facets have the largest margin all around.
+            margins = [
+                own if each.up is None else np.full(len(each.region), own.max())
+                for each, own in zip(places, margins, strict=True)
+            ]
         return place_labels(places, options, size_mm, margins)
+
+    def smallest(placements: Sequence[Placement]) -> float:
+        return min((placement.height for placement in placements), default=0.0)
 
     for reading in better:
         with suppress(EngravingError):
             placements = place(reading)
             if options.style == "raised":
                 cut_sections(hull, placements, options)
-            return reading, placements
+            if reading.way != "edge" or smallest(placements) >= EDGE_SHARE * smallest(place(last)):
+                return reading, placements
     return last, place(last)
 
 

@@ -64,12 +64,16 @@ class EngravingOptions(Options):
     font: str = BUNDLED_FONT
     """The bundled font, the family of an installed one (its bold face), or the path of a .ttf or
     .otf file, relative to the recipe."""
+    narrow: bool = False
+    """Whether labels of several characters are in narrow capitals, which print at a smaller size
+    than small letters."""
     upright: str | list[float] | tuple[float, ...] = "edge"
-    """Up on the label: away from the longest edge of the facet ("edge"), from the edge that leaves
-    most room ("largest"), or toward a direction [x, y, z] in the coordinates of die_plain.stl."""
+    """Up on the label: along the mirror line of a facet, or away from its longest edge if it has
+    none ("edge"), from the edge that leaves most room ("largest"), or toward a direction [x, y, z]
+    in the coordinates of die_plain.stl."""
     ambiguous: Ambiguous = "bar"
-    """Mark of numbers such as 6, 9 and 68 that read differently upside down: a "bar" beneath, a
-    "dot" after them, or "none"."""
+    """Mark of numbers such as 6 and 9 that read as each other upside down, if both are on the die:
+    a "bar" beneath, a "dot" after them, or "none"."""
     style: Style = "engraved"
     """`engraved` cuts labels in; `raised` sinks the field around them; they stand as high as the
     border of the facet, so the die rests as without labels."""
@@ -81,9 +85,9 @@ class EngravingOptions(Options):
     makes bodies that fill the labels in another color, equally dense; `none` does nothing."""
     read: Read = "auto"
     """Where the label of an outcome lies: "down" on the facet that the die rests on; "up" on the
-    level facet on top then, or around the corner on top where there is one; "both" below and on
-    top; "auto" up where all facets on top are level or the die is a tetrahedron, as far as the
-    labels fit there, and down elsewhere."""
+    level facet on top then, or around the corner or beside the edge on top where there is one;
+    "both" below and on top; "auto" up where all tops are level facets or edges, or the die is a
+    tetrahedron, as far as the labels fit there, and down elsewhere."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

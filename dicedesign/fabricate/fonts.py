@@ -108,8 +108,9 @@ class Font:
     unit: float
     _shaped: Any
 
-    def line(self, text: str) -> tuple[list[Floats], float]:
-        """Outlines of one line of text that starts at x = 0, and its advance width.
+    def line(self, text: str, spacing: float = 0.0) -> tuple[list[Floats], float]:
+        """Outlines of one line of text that starts at x = 0, with a spacing after each character,
+        and its advance width.
 
         Contours (n, 2) have no repeated last point, and any orientation.
 
@@ -136,7 +137,7 @@ class Font:
             self._shaped.draw_glyph_with_pen(glyph.codepoint, pen)
             start = np.array([x + place.x_offset, y + place.y_offset])
             contours += [(contour + start) / self.unit for contour in pen.contours()]
-            x, y = x + place.x_advance, y + place.y_advance
+            x, y = x + place.x_advance + spacing * self.unit, y + place.y_advance
         return contours, x / self.unit
 
 

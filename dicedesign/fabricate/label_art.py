@@ -5,9 +5,11 @@ Lengths are in digit heights.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from functools import cache
+from itertools import combinations
 
 import numpy as np
 from manifold3d import CrossSection, FillRule, JoinType, OpType
@@ -18,20 +20,27 @@ from dicedesign.fabricate.fonts import CHORD_TOLERANCE, open_font
 from dicedesign.fabricate.icons import icon_section
 from dicedesign.runtime.arrays import Floats
 
-LINE_SPACING = 1.45
-"""Distance between the baselines of two lines."""
+LINE_SPACINGS = (1.45, 1.25)
+"""Distances between the baselines of two lines, of usual and of narrow characters."""
+
+NARROW = 0.9
+"""Width of narrow characters, over the usual one, as in condensed faces of the bundled font."""
+
+SPACED = 0.06
+"""Distance between narrow characters beyond the font's, in digit heights."""
 
 MOST_LINES = 4
 """Largest number of lines of a text."""
 
 
-def text_contours(text: str, font: str = BUNDLED_FONT) -> list[Floats]:
+def text_contours(text: str, font: str = BUNDLED_FONT, is_narrow: bool = False) -> list[Floats]:
     """Outlines (n, 2) of a text, in digit heights.
 
     Closed contours without a repeated last point, of any orientation, with curves flattened to
     within `CHORD_TOLERANCE`. The widest line starts at x = 0.
 
-    text: in one or more lines; font: see `open_font`.
+    text: in one or more lines; font: see `open_font`; is_narrow: whether characters are `NARROW`
+    and `SPACED`.
 
     Raises
     ------
@@ -39,39 +48,60 @@ def text_contours(text: str, font: str = BUNDLED_FONT) -> list[Floats]:
     EngravingError: the font lacks a character.
     """
     opened = open_font(font)
-    lines = [opened.line(line) for line in text.split("\n")]
+    spacing = 0.0 if text.isdigit() else SPACED * is_narrow
+    lines = [opened.line(line, spacing) for line in text.split("\n")]
     widest = max(width for _, width in lines)
+    scale, pitch = np.array([NARROW if is_narrow else 1.0, 1.0]), LINE_SPACINGS[is_narrow]
     return [
-        outline + np.array([0.5 * (widest - width), LINE_SPACING * above])
+        scale * (outline + np.array([0.5 * (widest - width), pitch * above]))
         for above, (outlines, width) in zip(range(len(lines))[::-1], lines, strict=True)
         for outline in outlines
     ]
 
 
+VOWELS = "aeiouyàâäáåæèéêëìíîïòóôöøùúûü"
+
+CONSONANT = rf"[^\W\d_{VOWELS}]"
+
+SYLLABLES = re.compile(
+    f"\u00ad|(?<=[{VOWELS}]{CONSONANT})(?=(?![hk]|(?<=[bcdfgkptv])[lr]){CONSONANT}[{VOWELS}])"
+    "|(?<=[dlnrt]u)(?=a)",
+    re.IGNORECASE,
+)
+"""Where a word may be hyphenated: at soft hyphens, between two consonants between vowels, as in
+Sep-tem-ber, unless they are one sound or begin a syllable, and as in Janu-ary."""
+
+LINE_ENDS = {" ": "\n", "\u00ad": "-\n"}
+"""What a space and a soft hyphen become where a line ends."""
+
+
 def line_breaks(text: str, font: str = BUNDLED_FONT) -> Iterator[str]:
     """Yield a text in one line, in two and so on, broken at spaces so that the widest line is
-    narrowest. Parameters and errors as for `text_contours`."""
-    words, opened = text.split(" "), open_font(font)
-    widths = [opened.line(word)[1] for word in words]
-    space = opened.line(" ")[1] if len(words) > 1 else 0.0
+    narrowest; then those with hyphens in words. Parameters and errors as for `text_contours`."""
+    opened, parted = open_font(font), SYLLABLES.sub("\u00ad", text)
+    width = cache(lambda line: opened.line(line)[1])
+    for ends in " ", LINE_ENDS:
+        spots = [at for at, character in enumerate(parted) if character in ends]
+        for breaks in range(min(len(spots), MOST_LINES - 1) + 1):
+            choices = [
+                "".join(
+                    LINE_ENDS[one] if at in chosen else one for at, one in enumerate(parted)
+                ).replace("\u00ad", "")
+                for chosen in combinations(spots, breaks)
+            ]
+            best = min(choices, key=lambda each: max(map(width, each.split("\n"))))
+            if ends == " " or "-\n" in best:
+                yield best
 
-    def widest(spans: list[tuple[int, int]]) -> float:
-        return max(sum(widths[i:j]) + space * (j - i - 1) for i, j in spans)
 
-    for lines in range(1, min(len(words), MOST_LINES) + 1):
-        breaks = combinations(range(1, len(words)), lines - 1)
-        best = min((list(pairwise((0, *each, len(words)))) for each in breaks), key=widest)
-        yield "\n".join(" ".join(words[i:j]) for i, j in best)
-
-
-def text_section(text: str, font: str = BUNDLED_FONT) -> CrossSection:
+def text_section(text: str, font: str = BUNDLED_FONT, is_narrow: bool = False) -> CrossSection:
     """Plane section of a text, in digit heights.
 
     Parameters and errors as for `text_contours`; also raises EngravingError if the text draws
     nothing.
     """
     # Contours of TrueType fonts are clockwise, others are not, and those of variable fonts overlap.
-    section = CrossSection(text_contours(text, font), FillRule.NonZero)
+    section = CrossSection(text_contours(text, font, is_narrow), FillRule.NonZero)
     if section.area() <= 0.0:
         raise EngravingError(
             f"label {text!r}: expected outlines of positive area, got {section.area():g}; use at "
@@ -98,15 +128,11 @@ TURNED = {"0": "0", "1": "1", "6": "9", "8": "8", "9": "6"}
 """Digits that remain digits when turned by 180 degrees."""
 
 
-def reads_upside_down(text: str) -> bool:
-    """Whether the text, turned by 180 degrees, reads as a different number ("6", "16", "68").
-
-    Turned texts that start with a zero, such as "01" from "10", do not count.
-    """
-    if not text or not set(text) <= set(TURNED):
-        return False
-    turned = "".join(TURNED[digit] for digit in reversed(text))
-    return turned != text and turned[0] != "0"
+def upside_down(text: str) -> str:
+    """What digits read as when turned by 180 degrees: "9" for "6", "91" for "16", or "" for other
+    texts."""
+    is_turned = set(text) <= set(TURNED)
+    return "".join(TURNED[digit] for digit in reversed(text)) if is_turned else ""
 
 
 def add_mark(section: CrossSection, mark: str) -> CrossSection:
@@ -240,10 +266,12 @@ class LabelArt:
     ----------
     section: of positive area; the baseline of text is y = 0.
     box: left, bottom, right and top of the section, or of the square around the pips of any number.
+    hyphens: number of hyphens at ends of lines.
     """
 
     section: CrossSection
     box: tuple[float, float, float, float]
+    hyphens: int = 0
 
     @property
     def size(self) -> tuple[float, float]:
@@ -271,9 +299,10 @@ class LabelArt:
         return height * high
 
 
-def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
-    """Possible outlines of a label: its icon if it has one, else pips or text, with a mark if it is
-    another number upside down; text with spaces in one line, in two and so on.
+def label_arts(text: str, options: EngravingOptions, labels: Collection[str]) -> list[LabelArt]:
+    """Possible outlines of a label: its icon if it has one, else pips or text, with a mark if it
+    reads as another one of the die's labels upside down; text of several words or syllables in one
+    line, in two and so on.
 
     Raises
     ------
@@ -281,12 +310,14 @@ def label_arts(text: str, options: EngravingOptions) -> list[LabelArt]:
     EngravingError: the label cannot be drawn.
     """
     if text in options.icons:
-        sections = [icon_section(options.icons[text], text)]
-    elif options.content == "pips":
+        section = icon_section(options.icons[text], text)
+        return [LabelArt(section, section.bounds())]
+    if options.content == "pips":
         return [LabelArt(pips_section(text), (0.0, 0.0, 1.0, 1.0))]
-    elif reads_upside_down(text):
-        sections = [add_mark(text_section(text, options.font), options.ambiguous)]
-    else:
-        broken = line_breaks(text, options.font)
-        sections = [text_section(lines, options.font) for lines in broken]
-    return [LabelArt(section, section.bounds()) for section in sections]
+    is_narrow, arts = options.narrow and len(text) > 1, []
+    for broken in line_breaks(text.upper() if is_narrow else text, options.font):
+        section = text_section(broken, options.font, is_narrow)
+        if upside_down(text) in {*labels} - {text}:
+            section = add_mark(section, options.ambiguous)
+        arts.append(LabelArt(section, section.bounds(), broken.count("-\n")))
+    return arts

@@ -1,7 +1,6 @@
-"""Ways to read a die, and the places of its labels: parts of facets, middles, sizes and uprights.
+"""Places of labels on parts of facets: margins, middles, sizes and uprights.
 
-Labels are on the facet that the die rests on, on the level facet on top, or around the corner on
-top, upright toward it, as on a tetrahedron. Lengths are in millimeters.
+Lengths are in millimeters.
 """
 
 from __future__ import annotations
@@ -16,223 +15,11 @@ from manifold3d import CrossSection, Manifold
 from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_art import LabelArt, grown, holes_and_parts, label_arts
-from dicedesign.fabricate.numbering import opposite_facets
+from dicedesign.fabricate.label_reading import LabelPlace
 from dicedesign.geometry.hulls.hull import ConvexHull
-from dicedesign.geometry.hulls.polygons import inscribed_box
-from dicedesign.geometry.sphere import angle_between, norms, rigid_motion, rotation_between
-from dicedesign.runtime.arrays import Floats, Integers
-
-PEAK = 0.05
-"""Least height of a top corner above all others, over the die's height."""
-
-RISE = 0.1
-"""Least cosine between a facet's normal and up at which the facet is readable from above."""
-
-TAPER = 0.85
-"""Longest side of a corner region of a facet, over its base, which is below the label."""
-
-ALL_AROUND = 4
-"""Number of facets and outcomes of a tetrahedron."""
-
-
-@dataclass(frozen=True, eq=False)
-class LabelPlace:
-    """Label and its region on the hull.
-
-    Attributes
-    ----------
-    text: the label; outcome: its number.
-    facet: of the hull; region: (m, 3) corners of the label's part of it, convex, counter-clockwise
-        seen from outside; the longest edge of a corner region is below the label.
-    normal: (3,) outward unit normal of the facet.
-    """
-
-    text: str
-    outcome: int
-    facet: int
-    region: Floats
-    normal: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """Way to read a die: from which side, and where the labels are.
-
-    Attributes
-    ----------
-    way: "down", "up" or "both" for labels on facets below, on top or both, "corner" for those
-        around the corner on top, or "marks" for the upper side of a concave die.
-    places: of the labels, in the order of the outcomes; none with "marks".
-    """
-
-    way: str
-    places: tuple[LabelPlace, ...] = ()
-
-    @property
-    def sentence(self) -> str:
-        """Instruction for the reader of the die."""
-        return SENTENCES[self.way]
-
-
-SENTENCES = {
-    "down": "Lift the die and read the label on the face that was on the table.",
-    "up": "Read the label on top.",
-    "both": "Read the label on top; the face on the table has this label too.",
-    "corner": "Read the label that stands upright around the top corner.",
-    "marks": "Read the label on the side that is up.",
-}
-
-
-def die_readings(
-    hull: ConvexHull, facets: Integers, labels: Sequence[str], read: str
-) -> tuple[Reading, ...]:
-    """Ways to read a die with their label places, the best first; the next one is for labels that
-    do not fit.
-
-    Parameters
-    ----------
-    hull: of the die.
-    facets: (k,) facet that it rests on in each outcome.
-    labels: k texts.
-    read: "down"; "up", on level facets on top, or else around corners on top; "both", below and on
-        level facets on top; or "auto": up if all facets on top are level or the die is a
-        tetrahedron, and then down.
-
-    Raises
-    ------
-    EngravingError: the die cannot be read in this way; the message names an outcome and its top.
-    """
-
-    def on_facets(way: str, *sides: Integers) -> Reading:
-        """Labels on whole facets, of which each outcome has one in each of the sides (k,)."""
-        return _reading(
-            way,
-            labels,
-            hull,
-            [
-                (outcome, facet, hull.polygon(facet))
-                for outcome, own in enumerate(np.stack(sides, axis=1).tolist())
-                for facet in own
-            ],
-        )
-
-    below = on_facets("down", facets)
-    if read == "down":
-        return (below,)
-    level, above = opposite_facets(hull, facets), None
-    leans = np.degrees(
-        angle_between(-hull.normals[facets][:, None], hull.normals[None]).min(axis=1)
-    )
-    without = [f"one that leans by {lean:.0f} degrees" for lean in leans]
-    flaw = _flaw(facets, labels, level, "level facet", read, without)
-    if not flaw:
-        above = on_facets("both", facets, level) if read == "both" else on_facets("up", level)
-    elif read == "up" or (read == "auto" and len(facets) == len(hull.normals) == ALL_AROUND):
-        corners = np.array([_top_corner(hull, facet) for facet in facets.tolist()])
-        without = ["none seen from above"] * len(facets)
-        other = _flaw(facets, labels, corners, "corner", read, without)
-        if not other:
-            above = _around_corners(hull, labels, corners, facets)
-        elif (corners >= 0).sum() > (level >= 0).sum():
-            flaw = other
-    if read == "auto":
-        return (below,) if above is None else (above, below)
-    if above is None:
-        raise EngravingError(flaw)
-    return (above,)
-
-
-def _flaw(
-    facets: Integers,
-    labels: Sequence[str],
-    on_top: Integers,
-    what: str,
-    read: str,
-    without: Sequence[str],
-) -> str:
-    """Sentence about the first outcome with nothing (k,) of its own on top of it, or "".
-
-    what: is expected on top; without: k descriptions of a top without it.
-    """
-    for outcome, top in enumerate(on_top.tolist()):
-        is_same = on_top == top
-        if read == "both":
-            is_same |= facets == top
-        is_same[outcome] = False
-        if top < 0:
-            got = without[outcome]
-        elif is_same.any():
-            got = f"one that {labels[int(is_same.argmax())]!r} has too"
-        else:
-            continue
-        return (
-            f"read: expected a {what} of its own on top of each outcome for {read}, got {got} on "
-            f"top of {labels[outcome]!r}; write read: down, or leave read out"
-        )
-    return ""
-
-
-def _reading(
-    way: str,
-    labels: Sequence[str],
-    hull: ConvexHull,
-    regions: Sequence[tuple[int, int, Floats]],
-) -> Reading:
-    """Reading of labels in regions: the outcome, the facet, and the corners (m, 3) of each."""
-    places = (
-        LabelPlace(labels[outcome], outcome, facet, region, hull.normals[facet])
-        for outcome, facet, region in regions
-    )
-    return Reading(way, tuple(places))
-
-
-def _around_corners(
-    hull: ConvexHull, labels: Sequence[str], corners: Integers, facets: Integers
-) -> Reading:
-    """Labels on all facets around the top corner (k,) of a die that rests on a facet (k,)."""
-    regions = [
-        (outcome, int(hull.facet[half_edge]), _corner_region(hull, half_edge))
-        for outcome, (corner, below) in enumerate(zip(corners, facets, strict=True))
-        for half_edge in _leaving(hull, corner)
-        if hull.facet[half_edge] != below
-    ]
-    return _reading("corner", labels, hull, regions)
-
-
-def _leaving(hull: ConvexHull, corner: int) -> Integers:
-    start, half_edges = hull.outgoing
-    return half_edges[start[corner] : start[corner + 1]]
-
-
-def _corner_region(hull: ConvexHull, half_edge: int) -> Floats:
-    """Region (m, 3) of a facet at the corner that its half-edge leaves: as wide as half of the
-    distance to the nearest corner, with its tip cut off so that its base is its longest edge. The
-    regions of a facet are disjoint."""
-    corner = hull.vertices[hull.tail[half_edge]]
-    others = hull.polygon(int(hull.facet[half_edge])) - corner
-    reach = 0.5 * float(np.sort(norms(others))[1])
-    ends = [hull.head[half_edge], hull.tail[hull.previous[half_edge]]]
-    sides = hull.vertices[ends] - corner
-    right, left = reach * sides / norms(sides)[:, None]
-    # The base is twice this sine times a whole side.
-    sine = float(norms(right - left)) / (2.0 * reach)
-    tip = 1.0 - 2.0 * TAPER * sine
-    if tip <= 0.0:
-        return np.stack([corner, corner + right, corner + left])
-    return corner + np.stack([tip * right, right, left, tip * left])
-
-
-def _top_corner(hull: ConvexHull, facet: int) -> int:
-    """Top corner of a die that rests on a facet, or -1 if there is none whose facets are all
-    readable from above."""
-    up = -hull.normals[facet]
-    heights = hull.vertices @ up
-    *_, second, top = np.argsort(heights, kind="stable").tolist()
-    if heights[top] - heights[second] < PEAK * np.ptp(heights):
-        return -1
-    around = hull.facet[_leaving(hull, top)]
-    return top if (hull.normals[around] @ up >= RISE).all() else -1
-
+from dicedesign.geometry.hulls.polygons import centroid, inscribed_box
+from dicedesign.geometry.sphere import norms, rigid_motion, rotation_between
+from dicedesign.runtime.arrays import Floats
 
 WALL = 0.5
 """Distance along the facet between a pocket and the plane that bisects the angle at an edge, over
@@ -274,7 +61,18 @@ STEEPEST = 1e-3
 the facet."""
 
 LONGER = 1e-6
-"""Relative tolerance of heights and lengths of edges."""
+"""Relative tolerance of heights."""
+
+TIE_DECIMALS = 4
+
+TIE = 10.0**-TIE_DECIMALS
+"""Relative tolerance of lengths, and tolerance of unit directions, on regions with symmetry."""
+
+USUAL_LABEL = (1.7, 1.0)
+"""Width and height of a label of two digits, for which there is most room along a mirror line."""
+
+HYPHEN_GAIN = 1.1
+"""Least factor by which each hyphen must enlarge a label."""
 
 MOST_ROUNDS = 20
 """Largest number of rounds that fit the height of a label and the growth of its strokes; three are
@@ -393,49 +191,131 @@ def place_labels(
     EngravingError: a label cannot be drawn.
     """
     gaps: Sequence[float | Floats] = margins or [options.margin_mm] * len(places)
-    fits = []
-    for place, margin in zip(places, gaps, strict=True):
-        outward = place.normal / np.linalg.norm(place.normal)
-        rights, arts = _rights(place.region, outward, options), label_arts(place.text, options)
-        first, *others = (
-            _fit(place, art, right, outward, options, margin) for right in rights for art in arts
-        )
+    fits, labels = [], {place.text for place in places}
+    for place, ups, margin in zip(places, upright_choices(places, options), gaps, strict=True):
+        arts = label_arts(place.text, options, labels)
+        best, *others = (_fit(place, art, up, options, margin) for up in ups for art in arts)
         for fit in others:
-            if fit[0].height > (1.0 + LONGER) * first[0].height:
-                first = fit
-        fits.append(first)
+            if _room(fit, options) > (1.0 + LONGER) * _room(best, options):
+                best = fit
+        fits.append(best)
     placements = [placement for placement, _ in fits]
     require_room(placements, [needed for _, needed in fits], size_mm, options)
     return placements
 
 
-def _rights(region: Floats, outward: Floats, options: EngravingOptions) -> list[Floats]:
-    """Candidates (3,) for the direction to the right on a label, in order of preference."""
-    if not isinstance(options.upright, str):
-        up = np.array(options.upright) / np.linalg.norm(options.upright)
-        right = np.cross(up, outward)
-        length = float(np.linalg.norm(right))
-        if length > STEEPEST:
-            return [right / length]
-    edges = np.roll(region, -1, axis=0) - region
-    edges -= np.outer(edges @ outward, outward)
-    lengths = np.linalg.norm(edges, axis=1)
-    order = np.argsort(-lengths, kind="stable")
-    rights = [edges[k] / lengths[k] for k in order if lengths[k] > LONGER * lengths.max()]
-    return rights if options.upright == "largest" else rights[:1]
+def _room(fit: tuple[Placement, float], options: EngravingOptions) -> float:
+    """Height over the least one, or else the inverse of the factor for it; less for hyphens."""
+    placement, needed = fit
+    room = 1.0 / needed if needed > 0.0 else placement.height / options.min_height_mm
+    return room / HYPHEN_GAIN**placement.art.hyphens
+
+
+def upright_choices(places: Sequence[LabelPlace], options: EngravingOptions) -> list[Floats]:
+    """Unit directions (n, 3) in which the labels of k places may be upright, the best first.
+
+    The first is along a mirror line of the region, the one with most room, toward its farther end;
+    or away from the longest edge of a region without one. So it moves with the region under any
+    rotation or reflection. Of directions that a rotation of the region maps onto each other, an
+    axis of the body decides, about which the chosen ones are images of each other too.
+    """
+    normals = np.array([place.normal / np.linalg.norm(place.normal) for place in places])
+    choices = [
+        _uprights(place, normal, options) for place, normal in zip(places, normals, strict=True)
+    ]
+    middles = np.array([place.region.mean(axis=0) for place in places])
+    toward = np.concatenate([place.region for place in places]) - middles.mean(axis=0)
+    axes = np.vstack([np.linalg.eigh(normals.T @ normals)[1].T, toward])
+    axes /= norms(axes)[:, None]
+    # The axis about which the facets are most alike comes first.
+    heights = np.sort(np.abs(axes @ normals.T), axis=1)
+    order = np.argsort((np.diff(heights) > TIE).sum(axis=1), kind="stable")
+    for k, (ups, others) in enumerate(choices):
+        for axis in axes[order] if len(ups) > 1 else ():
+            ups = _nearest_axis(ups, normals[k], axis)
+            if len(ups) == 1:
+                break
+        choices[k] = ups[:1], others
+    return [np.vstack(each) for each in choices]
+
+
+def _uprights(
+    place: LabelPlace, outward: Floats, options: EngravingOptions
+) -> tuple[Floats, Floats]:
+    """Directions (n, 3) that are equally good for a label upright on a region, and others (m, 3)
+    that may leave more room."""
+    others = np.empty((0, 3))
+    given = place.up
+    if given is None and not isinstance(options.upright, str):
+        given = np.array(options.upright)
+    if given is not None:
+        along = given - (given @ outward) * outward
+        length = float(np.linalg.norm(along))
+        if length > STEEPEST * np.linalg.norm(given):
+            return along[None] / length, others
+    edges = np.roll(place.region, -1, axis=0) - place.region
+    right = edges[norms(edges).argmax()]
+    right = right - (right @ outward) * outward
+    right /= np.linalg.norm(right)
+    plane = np.stack([right, np.cross(outward, right)])
+    corners = place.region @ plane.T
+    corners = corners - centroid(corners)
+    size = float(norms(corners).max())
+    edges = (np.roll(corners, -1, axis=0) - corners) / size
+    lengths = norms(edges)
+    edges, lengths = edges[lengths > TIE], lengths[lengths > TIE]
+    inward = np.column_stack([-edges[:, 1], edges[:, 0]]) / lengths[:, None]
+    toward = corners[norms(corners) > TIE * size]
+    toward = toward / norms(toward)[:, None]
+    mirror_lines = [
+        line
+        for line in (*inward, *-inward, *toward, *-toward)
+        if _is_close(2.0 * np.outer(corners @ line, line) - corners, corners, TIE * size)
+    ]
+    ups = np.array(mirror_lines or inward[lengths >= lengths.max() - TIE])
+    ups = ups[np.unique(ups.round(TIE_DECIMALS), axis=0, return_index=True)[1]]
+    room = [
+        inscribed_box(corners @ np.array([[up[1], up[0]], [-up[0], up[1]]]), USUAL_LABEL)[1] / size
+        for up in ups
+    ]
+    ups = _keep_best(ups, np.array(room), (corners @ ups.T).max(axis=0) / size)
+    if options.upright == "largest":
+        others = inward[np.argsort(-lengths, kind="stable")] @ plane
+    return ups @ plane, others
+
+
+def _is_close(points: Floats, others: Floats, distance: float) -> bool:
+    """Whether each of some points (n, 2) is within a distance of one of the others (m, 2)."""
+    return bool((norms(points[:, None] - others).min(axis=1) <= distance).all())
+
+
+def _nearest_axis(ups: Floats, normal: Floats, axis: Floats) -> Floats:
+    """Those of some directions (n, 3) that an axis of the body prefers: along it, toward its end on
+    the side of the facet; all but the last two criteria hold for the opposite axis too."""
+    along, turn = ups @ axis, ups @ np.cross(axis, normal)
+    return _keep_best(ups, np.abs(along), along * (normal @ axis), along * turn, turn, along)
+
+
+def _keep_best(rows: Floats, *measures: Floats) -> Floats:
+    """Rows (n, m) with the largest of the first measures (n,), of these those with the largest of
+    the second, and so on, to within `TIE`."""
+    kept = np.arange(len(rows))
+    for measure in measures:
+        kept = kept[measure[kept] >= measure[kept].max() - TIE]
+    return rows[kept]
 
 
 def _fit(
     place: LabelPlace,
     art: LabelArt,
-    right: Floats,
-    outward: Floats,
+    up: Floats,
     options: EngravingOptions,
     margins: float | Floats,
 ) -> tuple[Placement, float]:
-    """Largest placement of a label with directions (3,) to its right and out of the facet, and the
-    least factor by which the facet must grow for digits of `min_height_mm`, or 0."""
-    up = np.cross(outward, right)
+    """Largest placement of a label that is upright in a direction (3,), and the least factor by
+    which the facet must grow for digits of `min_height_mm`, or 0."""
+    outward = place.normal / np.linalg.norm(place.normal)
+    right = np.cross(up, outward)
     origin = place.region.mean(axis=0)
     flat = (place.region - origin) @ np.column_stack([right, up])
     least, growth = options.min_height_mm, 0.0

@@ -147,8 +147,9 @@ def engrave_marks(
         turned = plain.transform(np.column_stack([turn, np.zeros(3)]))
         view, z = relief(turned), vertices @ turn[2]
         rise = (view.height - z.min()) / np.ptp(z)
-        # The line breaks whose shape is most nearly square.
-        art = min(label_arts(text, options), key=lambda each: math.hypot(*each.size))
+        # The line breaks without hyphens whose shape is most nearly square.
+        arts = label_arts(text, options, texts)
+        art = min(arts, key=lambda each: (each.hyphens, math.hypot(*each.size)))
         for middle, height in _places(view, turn, rise, art, marks, options):
             growth = art.growth(height, options.stroke_mm)
             frame = rigid_motion(turn.T, middle @ turn)

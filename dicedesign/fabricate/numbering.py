@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -32,6 +33,10 @@ MOST_SWAPS = 2000
 FINEST = 1e-3
 """Largest difference between equal deviations, over the least gap between numbers; deviations of
 whole numbers on k places differ by 1 / k or more."""
+
+PAIR_WEIGHT = 100.0
+"""Weight of deviations across opposite facets beside those around corners, if the former come
+first."""
 
 WEIGHT = 1e8
 """Weight of the largest deviation beside the sum of all: more than any sum over `FINEST`."""
@@ -59,7 +64,7 @@ def number_die(
         change places with each other.
     style: "standard" for numbers on opposite facets that sum to twice the mean of all, or nearly;
         "balanced" for sums over opposite facets and around the corners of the hull near the mean
-        times the number of their facets.
+        times the number of their facets; "auto" for the former first, then for the latter.
     """
     order = np.arange(len(labels))
     members = np.flatnonzero([NUMBER.fullmatch(label) is not None for label in labels])
@@ -83,18 +88,28 @@ def number_die(
     for row, group in zip(is_member, groups, strict=True):
         row[group] = 1.0
     numbers = np.array([float(labels[outcome]) for outcome in members.tolist()])
-    best = _even_out(numbers, kinds, is_member, _pair_opposites(numbers, kinds, pairs))
-    order[members] = members[best]
-    sums = is_member @ numbers[best]
-    if style == "standard":
-        low, high = sums.min(), sums.max()
-        sums = f"{low:g}" if high - low < 1e-9 * (1.0 + abs(low)) else f"{low:g} to {high:g}"
-        return order, f"numbering: numbers on opposite facets sum to {sums}"
-    off = np.abs(sums - is_member.sum(axis=1) * numbers.mean()).max(initial=0.0)
-    return order, (
-        "numbering: sums of opposite facets and around corners are even to within "
-        f"{round(float(off), 6):g}"
+    is_auto = style == "auto"
+    weights = np.where(np.arange(len(groups)) < len(pairs) * is_auto, PAIR_WEIGHT, 1.0)
+    best = _even_out(
+        numbers,
+        kinds,
+        weights[:, None] * is_member,
+        _pair_opposites(numbers, kinds, pairs),
+        pairs if is_auto else pairs[:0],
     )
+    order[members] = members[best]
+    sums, notes = is_member @ numbers[best], []
+    off = np.abs(sums - is_member.sum(axis=1) * numbers.mean())
+    across = sums[: len(pairs)]
+    if style != "balanced" and len(pairs):
+        low, high = across.min(), across.max()
+        total = f"{low:g}" if high - low < 1e-9 * (1.0 + abs(low)) else f"{low:g} to {high:g}"
+        notes.append(f"numbers on opposite facets sum to {total}")
+    if style != "standard":
+        what = "around corners" if is_auto else "of opposite facets and around corners"
+        most = off[len(pairs) * is_auto :].max(initial=0.0)
+        notes.append(f"sums {what} are even to within {round(float(most), 6):g}")
+    return order, f"numbering: {'; '.join(notes)}"
 
 
 def spread_labels(normals: Floats, labels: Sequence[str], probabilities: Floats) -> Integers:
@@ -148,42 +163,59 @@ def _pair_opposites(numbers: Floats, kinds: Integers, pairs: Integers) -> Intege
     return order
 
 
-def _even_out(numbers: Floats, kinds: Integers, groups: Floats, paired: Integers) -> Integers:
+def _even_out(
+    numbers: Floats, kinds: Integers, groups: Floats, paired: Integers, pairs: Integers
+) -> Integers:
     """Search for the order (m,) of numbers whose sums over groups deviate least from the mean of
     all numbers times the members of the group: in the largest deviation, then in their sum.
 
     numbers: (m,) finite; kinds: (m,) a number may move to places whose own numbers are of its kind;
-    groups: (g, m) 1.0 where a place belongs to a group, else 0.0; paired: (m,) an order to start
-    from beside the given one.
+    groups: (g, m) the group's weight where a place belongs to it, else 0.0; paired: (m,) an order
+    to start from beside the given one; pairs: (p, 2) places whose numbers may also change places
+    with those of another pair at once.
     """
     gaps = np.diff(np.unique(numbers))
     values = (numbers - numbers.mean()) / (gaps.min() if len(gaps) else 1.0)
-    swaps = np.stack(np.triu_indices(len(kinds), 1))
-    swaps = swaps[:, kinds[swaps[0]] == kinds[swaps[1]]]
+    one, other = np.triu_indices(len(kinds), 1)
+    near = np.argwhere(np.triu(groups.T @ (groups == 1.0), 1) > 0.0).T
+    swaps = [[swap] for swap in zip(one, other, strict=True)]
+    for (a, b), (c, d) in combinations(pairs.tolist(), 2):
+        swaps += [[(a, c), (b, d)], [(a, d), (b, c)]]
+    moves = np.tile(np.arange(len(kinds)), (len(swaps), 1))
+    for move, pairs_of_places in zip(moves, swaps, strict=True):
+        for swap in pairs_of_places:
+            move[[*swap]] = swap[::-1]
+    moves = moves[(kinds[moves] == kinds).all(axis=1)]
     generator = np.random.default_rng(0)
 
+    def cost(orders: Integers, squared: bool = False) -> Floats:
+        """(...) cost of orders (..., m), the smaller the better: the largest deviation, then their
+        sum; or the sum of squares. Equal numbers in a group are as bad as a step of the numbers."""
+        moved = values[orders]
+        deviations = np.abs(moved @ groups.T)
+        equal = (moved[..., near[0]] == moved[..., near[1]]).sum(axis=-1)
+        if squared:
+            return np.asarray(np.square(deviations).sum(axis=-1) + equal)
+        largest = deviations.max(axis=-1, initial=0.0)
+        return np.asarray(WEIGHT * (largest + equal) + deviations.sum(axis=-1))
+
     def descend(order: Integers, squared: bool) -> Integers:
-        """Order to which the best swaps lead until none improves it."""
-        chosen = swaps
-        if swaps.shape[1] > MOST_SWAPS:
-            chosen = swaps[:, generator.permutation(swaps.shape[1])[:MOST_SWAPS]]
-        one, other = chosen
-        changes = (groups[:, other] - groups[:, one]).T
-        order = order.copy()
+        """Order to which the best moves lead until none improves it."""
+        chosen = moves
+        if len(moves) > MOST_SWAPS:
+            chosen = moves[generator.permutation(len(moves))[:MOST_SWAPS]]
         while True:
-            moved, deviations = values[order], groups @ values[order]
-            costs = _cost(deviations + changes * (moved[one] - moved[other])[:, None], squared)
+            costs = cost(order[chosen], squared)
             best = int(costs.argmin())
-            if not costs[best] < _cost(deviations, squared) - FINEST:
+            if not costs[best] < cost(order, squared) - FINEST:
                 return order
-            swap = chosen[:, best]
-            order[swap] = order[swap[::-1]]
+            order = order[chosen[best]]
 
     def candidates() -> Iterator[Integers]:
         """Orders in the order of the search."""
         yield paired
         order = best
-        for turn in range(min(TRIES, 1 + MOST_SUMS // (groups.size * len(swaps.T[:MOST_SWAPS])))):
+        for turn in range(min(TRIES, 1 + MOST_SUMS // (groups.size * len(moves[:MOST_SWAPS])))):
             # Every other search minimizes squares first, which leads farther.
             if turn % 2 == 0:
                 order = descend(order, True)
@@ -194,20 +226,9 @@ def _even_out(numbers: Floats, kinds: Integers, groups: Floats, paired: Integers
                 order[own] = generator.permutation(own)
 
     best = np.arange(len(kinds))
-    least = float(_cost(groups @ values))
     for order in candidates():
-        cost = float(_cost(groups @ values[order]))
-        if cost < least - FINEST:
-            best, least = order, cost
-        if least <= FINEST:
+        if cost(order) < cost(best) - FINEST:
+            best = order
+        if cost(best) <= FINEST:
             break
     return best
-
-
-def _cost(deviations: Floats, squared: bool = False) -> Floats:
-    """(...) cost of deviations (..., g), the smaller the better: the largest, then the sum; or the
-    sum of squares."""
-    if squared:
-        return np.asarray(np.square(deviations).sum(axis=-1))
-    sizes = np.abs(deviations)
-    return np.asarray(WEIGHT * sizes.max(axis=-1, initial=0.0) + sizes.sum(axis=-1))

@@ -275,7 +275,7 @@ def walls_under(
     placements: k labels on facets of the die; depth: of pockets with a share of 1, above 0; hull:
     of the die in mm. Returns k numbers, 0 where a pocket meets another one or breaks through.
     """
-    pockets, walls = [], []
+    pockets, walls, reaches = [], list[float](), list[float]()
     for placement in placements:
         section, own = placement.section(), depth * placement.depth_share
         pockets.append(placement.sink(section, own, own))
@@ -283,10 +283,14 @@ def walls_under(
         beneath = hull.normals @ placement.normal < BENEATH
         room = hull.depths(rim - own * placement.normal)[:, beneath]
         walls.append(max(float(room.min(initial=hull.diameter)), 0.0))
+        reaches.append(float(norms(rim - placement.origin).max()) + own)
     middles = [placement.origin for placement in placements]
     # The nearest first, so that those after them need not be searched for far.
     pairs = combinations(range(len(pockets)), 2)
     for one, other in sorted(pairs, key=lambda pair: math.dist(*(middles[at] for at in pair))):
+        apart = math.dist(middles[one], middles[other]) - reaches[one] - reaches[other]
+        if apart >= max(walls[one], walls[other]):
+            continue
         gap = float(pockets[one].min_gap(pockets[other], max(walls[one], walls[other])))
         walls[one], walls[other] = min(walls[one], gap), min(walls[other], gap)
     return tuple(walls)

@@ -90,6 +90,11 @@ class Printer(Extension):
     materials: tuple[str, ...]
     sources: tuple[str, ...]
 
+    @property
+    def letter_mm(self) -> float:
+        """Least height of capital letters: an E has three strokes and two ridges between them."""
+        return 3.0 * self.groove_mm + 2.0 * self.ridge_mm
+
     def with_nozzle(self, diameter: float) -> Printer:
         """Printer with a nozzle of another diameter above 0, with which widths and layers scale.
         Raises InputError if it has no nozzle."""

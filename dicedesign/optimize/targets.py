@@ -11,7 +11,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
+from dicedesign.tolerances import EQUAL_PROBABILITIES, PROBABILITY_SUM_TOLERANCE
 
 MOST_FACES = 200
 """Limit on the labeled faces: a die with more cannot be printed and read."""
@@ -66,6 +66,16 @@ class Target:
         if len(values) == len(self.labels):
             return values
         return np.asarray(np.bincount(self.outcome_of_face, values), np.float64)
+
+    @property
+    def is_numbered(self) -> bool:
+        """Whether consecutive whole numbers are on equally many, equally probable faces."""
+        if not all(label.isascii() and label.isdigit() for label in self.labels):
+            return False
+        numbers, faces = sorted(map(int, self.labels)), np.bincount(self.outcome_of_face)
+        probabilities = self.face_probabilities
+        is_fair = np.ptp(probabilities) <= EQUAL_PROBABILITIES * probabilities.max()
+        return bool(is_fair and np.ptp(faces) == 0 and set(np.diff(numbers).tolist()) == {1})
 
     @property
     def has_repeated_labels(self) -> bool:

@@ -17,15 +17,20 @@ import numpy as np
 
 from dicedesign.errors import EngravingError, InputError, NoStartError
 from dicedesign.fabricate.die import Design, make_solid
-from dicedesign.fabricate.label_layout import die_readings
+from dicedesign.fabricate.label_reading import die_readings
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.looks import rate_looks
-from dicedesign.optimize.solvers.outcome_sums import OutcomeSumsDie, solve_outcome_sums
+from dicedesign.optimize.solvers.outcome_sums import (
+    OutcomeSumsDie,
+    arrange_outcomes,
+    solve_outcome_sums,
+)
 from dicedesign.optimize.starts.face_bodies import (
     FaceShares,
     equal_faces_body,
+    even_codes,
     numbers_of_equal_faces,
     share_faces,
     weighted_code,
@@ -45,6 +50,9 @@ NUMBERS = tuple(range(24, 50, 2))
 
 EVEN_SHARES = 0.05
 """Cost of the shares of faces up to which the smallest number of faces comes first."""
+
+ODD_SHARES = 0.12
+"""Cost of shares from which the starting faces have different sizes."""
 
 CODES = 3
 """Starting shapes for each number of nearly equal faces."""
@@ -172,19 +180,27 @@ def _of_near_faces(
     """Die of nearly equal faces; None if no starting shape leads to one."""
     recipe, plain, started = work.recipe, work.target, time.perf_counter()
     best: OutcomeSumsDie | None = None
+    wanted, outcome = plain.probabilities, shares.outcome
+    even = even_codes().get(len(outcome)) if shares.cost < ODD_SHARES else None
     for number in range(CODES):
-        start = weighted_code(shares.shares, CODES * recipe.seed + number)
-        die = solve_outcome_sums(
-            plain.probabilities, shares.outcome, *start, thrown, recipe.purpose != "throwing"
-        )
-        if die is not None and die.error < SOLVED and (best is None or die.strain < best.strain):
-            best = die
-        if best is not None and best.strain < MAX_STRAIN:
+        code, own = even, outcome
+        if code is None:
+            code = weighted_code(shares.shares, CODES * recipe.seed + number)
+        else:
+            own = arrange_outcomes(wanted, shares, code, thrown)
+        die = solve_outcome_sums(wanted, own, code, thrown, recipe.purpose != "throwing")
+        even = None
+        if die is None or die.error > SOLVED:
+            continue
+        if best is None or die.strain < best.strain:
+            best, outcome_of = die, own
+        if best.strain < MAX_STRAIN:
             break
     if best is None:
         return None
-    order = np.argsort(shares.outcome, kind="stable")
-    target = _target(plain, shares.outcome[order], shares.shares[order])
+    order = np.argsort(outcome_of, kind="stable")
+    faces = np.bincount(outcome_of)
+    target = _target(plain, outcome_of[order], (wanted / faces)[outcome_of[order]])
     step = Step(0, time.perf_counter() - started, best.strain, best.error)
     design = _design(target, best.hull, best.normals[order], step, best.evaluations)
     return _Die(f"{len(order)} nearly equal faces", target, design)

@@ -177,7 +177,7 @@ def design(
     center_of_mass: Sequence[float] | None = None,
     prior: str | None = None,
     symmetry: str | None = None,
-    numbering: str = "given",
+    numbering: str = "auto",
     seed: int = 0,
     size_mm: float = 30.0,
     engrave: bool | Mapping[str, Any] | None = None,
@@ -210,7 +210,8 @@ def design(
     symmetry: point group of the die, such as "C2" or "D3h"; "auto", the default without a start,
         for the most handsome of many shapes; or "none".
     numbering: assignment of equally probable outcomes with numbers as labels: "given", "standard"
-        for opposite facets with a constant sum, or "balanced" for even sums around corners too.
+        for opposite facets with a constant sum, "balanced" for even sums around corners too, or
+        "auto", see `Recipe`.
     seed: random seed, at least 0.
     size_mm: largest distance between two corners, above 0 and at most 1000.
     engrave: whether to cut the labels, or options for that; by default not.

@@ -23,7 +23,8 @@ from dicedesign.fabricate.engraving import (
     place_on_facets,
     require_rests,
 )
-from dicedesign.fabricate.label_layout import Placement, Reading
+from dicedesign.fabricate.label_layout import Placement
+from dicedesign.fabricate.label_reading import Reading
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.reading import read_stl, stl_bytes
 from dicedesign.geometry.sphere import norms

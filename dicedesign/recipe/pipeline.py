@@ -40,7 +40,7 @@ from dicedesign.throws.engines import CONTACT_LAW
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import Assessment, Design, Solid
-    from dicedesign.fabricate.label_layout import Reading
+    from dicedesign.fabricate.label_reading import Reading
     from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
@@ -297,7 +297,7 @@ STAGES: Registry[Stage] = Registry(
             "numbering",
             "moves labels between equally probable facets: numbers even, equal labels spread",
             "dicedesign.recipe.solid:assign_numbers",
-            lambda work: work.recipe.numbering != "given" or work.has_free_labels,
+            lambda work: work.recipe.chosen_numbering != "given" or work.has_free_labels,
         ),
         Stage(
             "size",

@@ -162,7 +162,9 @@ class Recipe(Strict):
         order of the target.
     numbering: assignment of equally probable outcomes with numbers as labels: "given" as assigned,
         "standard" for opposite facets with a constant sum if the shape allows, "balanced" for sums
-        of opposite facets and around corners as even as possible.
+        of opposite facets and around corners as even as possible, "auto" for opposite facets with a
+        constant sum and then even sums around corners, on a die whose shape is searched and with
+        consecutive numbers on equally many, equally probable faces; else "given".
     center_of_mass: (3,) fixed center of mass in the start's own coordinates; None, "uniform" in a
         file, for the uniform solid.
     prior: distribution of the direction that points down at release, such as "vmf:0,0,-1:5", one of
@@ -197,7 +199,7 @@ class Recipe(Strict):
     start: StartRecipe = Field(default_factory=lambda: StartRecipe("search", SearchOptions()))
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     assignment: Annotated[list[Label] | None, _word("in_order", None)] = None
-    numbering: Literal["given", "standard", "balanced"] = "given"
+    numbering: Literal["auto", "given", "standard", "balanced"] = "auto"
     center_of_mass: Annotated[
         tuple[float, float, float] | None,
         _word("uniform", None),
@@ -401,7 +403,7 @@ class Recipe(Strict):
             "edges: expected none with the concave method, which keeps the surface, got a "
             "radius": self.edges is not None,
             "numbering: expected given with the concave method, which has no opposite facets, got "
-            f"{self.numbering}": self.numbering != "given",
+            f"{self.numbering}": self.numbering not in ("auto", "given"),
             "engrave.read: expected up with the concave method, whose labels are on top, got "
             f"{engrave.read}": engrave.read in ("down", "both"),
             "engrave: expected style engraved and balance shape or none with the concave method, "
@@ -424,6 +426,14 @@ class Recipe(Strict):
     def compares_faces(self) -> bool:
         """Whether dice with different numbers of faces are compared."""
         return self.faces != "one"
+
+    @property
+    def chosen_numbering(self) -> str:
+        """The numbering, where "auto" is "given" for dice with other labels or a given start."""
+        is_free = self.start.kind.search is not None and self.assignment is None
+        if self.numbering == "auto" and not (is_free and self.target.target().is_numbered):
+            return "given"
+        return self.numbering
 
     def density_prior(self) -> DensityPrior | None:
         """Prior density; None for the uniform one."""

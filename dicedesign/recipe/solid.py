@@ -6,8 +6,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from dicedesign.tolerances import EQUAL_PROBABILITIES, MOST_MM
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.label_layout import Placement
+    from dicedesign.geometry.hulls.hull import ConvexHull
 
 SELDOM_PROBABILITY = 1e-3
 """Probability below which a note says that an outcome hardly ever comes up."""
@@ -72,7 +73,7 @@ def make_start(work: Work) -> None:
 
         # Raises if the art of a label is invalid.
         for label in work.target.labels:
-            label_arts(label, recipe.engrave)
+            label_arts(label, recipe.engrave, work.target.labels)
 
 
 def _make_surface(work: Work, points: int | None) -> None:
@@ -174,7 +175,7 @@ def assign_numbers(work: Work) -> None:
     if target.wanted[1] is not None:
         # Faces that share freely may differ.
         probabilities = solid.poses.probabilities[main]
-    labels, style = target.face_labels, work.recipe.numbering
+    labels, style = target.face_labels, work.recipe.chosen_numbering
     if style == "given":
         # Of repeated labels.
         order = spread_labels(solid.poses.normals[main], labels, probabilities)
@@ -185,11 +186,21 @@ def assign_numbers(work: Work) -> None:
     work.notes.append(note)
 
 
+ABBREVIATED = 3
+"""Number of letters of suggested abbreviations; words of one more stay."""
+
 MOST_LARGER = 1.5
-"""Factor up to which a die is enlarged for the details of its labels."""
+"""Factor up to which a die is enlarged for the details of its labels and the walls between them."""
+
+SURE = 1.05
+"""Width of strokes, over the printer's least one, at which corners of letters have that."""
 
 WIDER = 1.25
 """Margin of labels, over the printer's wall, where one that is as wide leaves a thinner wall."""
+
+
+EVEN_HEIGHTS = 1.2
+"""Largest height of a label over the smallest, on dice with several faces an outcome."""
 
 
 def place_at_size(work: Work, die: Design, size_mm: float) -> list[Placement]:
@@ -205,48 +216,129 @@ def place_at_size(work: Work, die: Design, size_mm: float) -> list[Placement]:
 
 
 def enlarge(work: Work) -> None:
-    """Raise the recipe's size to the smallest whole number of millimeters at which the labels fit,
-    their strokes and the ridges between them suit the printer, and, with a margin as wide as the
-    printer's walls, those between pockets too."""
+    """Make the labels of a die fit and suit the printer: where that needs a larger die, by labels
+    as fine as the printer makes, and then by the smallest whole number of millimeters; and widen
+    margins until the walls between pockets suit it too."""
     given = work.recipe
     engrave, printing = given.engrave, given.print
     assert engrave is not None
+    digit_mm, least, finer = engrave.min_height_mm, 0.0, list[dict[str, Any]]()
+    if printing is not None and engrave.style == "engraved":
+        printer = printing.selected_printer
+        least = printer.wall_mm
+        small: dict[str, Any] = {
+            "margin_mm": min(engrave.margin_mm, printer.ridge_mm),
+            "min_height_mm": min(digit_mm, printer.letter_mm),
+        }
+        wide = {"stroke_mm": max(engrave.stroke_mm, round(SURE * printer.groove_mm, 3))}
+        narrow = {"narrow": True}
+        shallow = {"depth_mm": min(engrave.depth_mm, printer.groove_depth_mm)}
+        finer = [small | wide, small | narrow, small | wide | narrow | shallow]
+
+    def fit(changes: dict[str, Any]) -> _FittingLabels:
+        work.recipe = given.model_copy(update={"engrave": replace(engrave, **changes)})
+        return _fit_labels(work, digit_mm)
+
     try:
-        size_mm, reason, wall = _fit_labels(work)
+        chosen, best = dict[str, Any](), fit({})
     except EngravingError:
         # No size helps; the stage engrave reports the error.
         return
-    least, fitting = 0.0, engrave
-    if printing is not None and engrave.style == "engraved":
-        least = printing.selected_printer.wall_mm
-    for margin in (least, WIDER * least):
-        if max(wall, engrave.margin_mm / WIDER) >= least:
+    for changes in finer:
+        if best.size_mm <= given.size_mm and best.is_fine:
             break
-        wide = replace(engrave, margin_mm=margin)
-        work.recipe = given.model_copy(update={"engrave": wide})
         with suppress(EngravingError):
-            other_mm, why, thicker = _fit_labels(work)
-            if other_mm <= MOST_LARGER * given.size_mm and thicker > wall:
-                size_mm, reason, wall, fitting = other_mm, why, thicker, wide
-    work.recipe = given.model_copy(update={"engrave": fitting})
-    if fitting != engrave and printing is not None:
+            other = fit(changes)
+            is_smaller = other.is_fine >= best.is_fine and other.size_mm < best.size_mm
+            if is_smaller and other.wall_mm >= min(best.wall_mm, least):
+                chosen, best = changes, other
+    for margin in (least, WIDER * least):
+        if max(best.wall_mm, chosen.get("margin_mm", engrave.margin_mm) / WIDER) >= least:
+            break
+        with suppress(EngravingError):
+            changes = chosen | {"margin_mm": margin}
+            other = fit(changes)
+            if other.size_mm <= MOST_LARGER * given.size_mm and other.wall_mm > best.wall_mm:
+                chosen, best = changes, other
+    size_mm, heights = best.size_mm, [one.height for one in best.placements]
+    if work.target.has_repeated_labels and heights:
+        # The labels of one outcome look alike.
+        most = max(round(EVEN_HEIGHTS * min(heights), 2), engrave.min_height_mm)
+        chosen = chosen | {"max_height_mm": min(engrave.max_height_mm, most)}
+    hint, target = "", work.target
+    short = {
+        each: each[:ABBREVIATED] if each.isalpha() and len(each) > ABBREVIATED + 1 else each
+        for each in target.labels
+    }
+    if (
+        size_mm > given.size_mm
+        and len(set(short.values())) == len(short)
+        and list(short.values()) != list(short)
+    ):
+        work.recipe = given
+        work.target = replace(target, face_labels=tuple(short[one] for one in target.face_labels))
+        with suppress(EngravingError):
+            short_mm = max(_fit_labels(work, digit_mm).size_mm, given.size_mm)
+            if short_mm < size_mm:
+                first = ", ".join(list(short.values())[:3])
+                hint = f"; {first}, ... would fit at {short_mm:g} mm"
+    work.recipe, work.target = given, target
+    if size_mm > MOST_MM:
+        return
+    size_mm = max(size_mm, given.size_mm)
+    update = {"engrave": replace(engrave, **chosen), "size_mm": size_mm}
+    work.recipe = given.model_copy(update=update)
+    changed = [
+        f"{name}: {value}"
+        for name, value in chosen.items()
+        if value != getattr(engrave, name) and name != "max_height_mm"
+    ]
+    if changed and printing is not None:
         work.notes.append(
-            f"engrave.margin_mm: {fitting.margin_mm:g}, so that the walls between pockets suit "
+            f"engrave: {', '.join(changed)}, so that labels and the walls between pockets suit "
             f"{printing.printer}"
         )
-    if given.size_mm < size_mm <= MOST_MM:
-        work.recipe = work.recipe.model_copy(update={"size_mm": size_mm})
-        note = f"size_mm: {size_mm:g}, so that {reason}"
+    if given.size_mm < size_mm:
+        note = f"size_mm: {size_mm:g}, so that {best.reason}{hint}"
         if size_mm > LARGE_MM:
             note += "; for a smaller die join rare outcomes, shorten labels or try another seed"
         work.notes.append(note)
 
 
-def _fit_labels(work: Work) -> tuple[float, str, float]:
-    """Size in mm, above `MOST_MM` if none suits, the reason for it, and the thickness in mm of the
-    thinnest wall under the labels. Raises EngravingError if no size helps."""
+@dataclass(frozen=True, eq=False)
+class _FittingLabels:
+    """Labels at the size where they fit.
+
+    Attributes
+    ----------
+    size_mm: above `MOST_MM` if none suits. reason: for the size.
+    is_fine: whether all details suit the printer.
+    placements: of the labels; hull: of the die in mm; depth: of pockets.
+    """
+
+    size_mm: float
+    reason: str
+    is_fine: bool
+    placements: list[Placement]
+    hull: ConvexHull
+    depth: float
+
+    @cached_property
+    def wall_mm(self) -> float:
+        """Thickness of the thinnest wall under the labels."""
+        # Only dice with labels need it.
+        from dicedesign.fabricate.printability import walls_under
+
+        return min(walls_under(self.placements, self.depth, self.hull), default=0.0)
+
+
+def _fit_labels(work: Work, digit_mm: float) -> _FittingLabels:
+    """Find the size at which labels fit. Raises EngravingError if no size helps.
+
+    digit_mm: least height of labels of one character.
+    """
     # Only dice with labels need it.
-    from dicedesign.fabricate.printability import least_details, narrowest_stroke, walls_under
+    from dicedesign.fabricate.printability import least_details, narrowest_stroke
 
     recipe = work.recipe
     engrave, size_mm, reason = recipe.engrave, recipe.size_mm, "the labels fit"
@@ -255,15 +347,17 @@ def _fit_labels(work: Work) -> tuple[float, str, float]:
 
     def lack(placements: list[Placement]) -> float:
         """Least width that prints over the width of the finest detail."""
+        single = [digit_mm / one.height for one in placements if len(one.text) == 1]
         if recipe.print is None:
-            return 0.0
+            return max(single, default=0.0)
         sections = {one.text: one for one in sorted(placements, key=lambda one: -one.height)}
         widths = [
             (least, narrowest_stroke(one.section(), side))
             for one in sections.values()
             for least, side in least_details(recipe.print.selected_printer, engrave)
         ]
-        return max((least / width for least, width in widths if width is not None), default=0.0)
+        ratios = [least / width for least, width in widths if width is not None]
+        return max(single + ratios, default=0.0)
 
     try:
         placements = place(size_mm)
@@ -283,7 +377,8 @@ def _fit_labels(work: Work) -> tuple[float, str, float]:
     if recipe.print is not None and factor <= 1.0 and not is_fine:
         reason += f", and their details suit {recipe.print.printer}"
     hull = make_solid(work.die, size_mm).poses.hull
-    return size_mm, reason, min(walls_under(placements, engrave.depth_mm, hull), default=0.0)
+    is_fine = factor <= 1.0
+    return _FittingLabels(size_mm, reason, is_fine, placements, hull, engrave.depth_mm)
 
 
 def export(work: Work) -> None:

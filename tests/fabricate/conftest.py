@@ -12,7 +12,8 @@ import pytest
 from dicedesign.fabricate.engraving import engrave, labels_below_hull
 from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Contents, Part
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import LabelPlace, place_labels
+from dicedesign.fabricate.label_layout import place_labels
+from dicedesign.fabricate.label_reading import LabelPlace
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.triangles import Surface
 

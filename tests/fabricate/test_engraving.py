@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from dicedesign.errors import EngravingError, InputError, LabelRoomError
 from dicedesign.fabricate.engraving import engrave, labels_below_hull, labels_off_surface
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_art import BAR_THICKNESS, reads_upside_down, text_contours
+from dicedesign.fabricate.label_art import BAR_THICKNESS, text_contours
 from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.fabricate.marks import engrave_marks, relief
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
@@ -30,13 +30,13 @@ def engraved(body, texts, options=OPTIONS):
     return engrave(body.surface, placements, options), placements
 
 
-def outline_area(text: str) -> float:
+def outline_area(text: str, is_marked: bool = False) -> float:
     contours = text_contours(text)
     total = 0.0
     for contour in contours:
         following = np.roll(contour, -1, axis=0)
         total += 0.5 * (contour[:, 0] @ following[:, 1] - contour[:, 1] @ following[:, 0])
-    bar = BAR_THICKNESS * np.ptp(np.concatenate(contours)[:, 0]) if reads_upside_down(text) else 0.0
+    bar = BAR_THICKNESS * np.ptp(np.concatenate(contours)[:, 0]) if is_marked else 0.0
     return abs(total) + bar
 
 

@@ -15,7 +15,8 @@ from dicedesign.fabricate.infill import (
     pocket_walls,
     weigh_print,
 )
-from dicedesign.fabricate.label_layout import die_readings, edge_margins, place_labels
+from dicedesign.fabricate.label_layout import edge_margins, place_labels
+from dicedesign.fabricate.label_reading import die_readings
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.triangles import solid_properties
 

@@ -23,29 +23,32 @@ from dicedesign.fabricate.label_art import (
     line_breaks,
     pip_places,
     pips_section,
-    reads_upside_down,
     text_section,
+    upside_down,
 )
 
 BUNDLED = Path(matplotlib.get_data_path(), "fonts", "ttf", "DejaVuSans-Bold.ttf")
 
 
-def test_numbers_that_read_differently_upside_down_are_marked() -> None:
-    """Among all numbers up to 999, those whose turned digits are another number without a leading
-    zero."""
+def test_numbers_that_read_as_another_label_upside_down_are_marked() -> None:
+    """Of 0 to 99 as on two dice, those whose turned digits are another number with as many."""
     turned = str.maketrans("01689", "01986")
-    for number in range(1000):
-        text = str(number)
+    labels = [str(number) for number in range(100)]
+    for text in labels:
         other = text[::-1].translate(turned)
-        expected = set(text) <= set("01689") and other != text and str(int(other)) == other
-        assert reads_upside_down(text) == expected
-    assert not any(map(reads_upside_down, ["", "6a", "-6"]))
+        is_marked = set(text) <= set("01689") and other != text and other[0] != "0"
+        art, *_ = label_arts(text, EngravingOptions(), labels)
+        assert art.section.area() > text_section(text).area() + 0.01 or not is_marked
+        (alone,) = label_arts(text, EngravingOptions(), [text])
+        assert alone.section.area() == pytest.approx(text_section(text).area())
+        assert is_marked == (upside_down(text) in labels and upside_down(text) != text)
 
 
 def test_a_bar_is_beneath_an_ambiguous_label_and_a_dot_after_it() -> None:
     plain = text_section("16")
     barred, dotted = (
-        label_arts("16", EngravingOptions(ambiguous=mark))[0].section for mark in ("bar", "dot")
+        label_arts("16", EngravingOptions(ambiguous=mark), ["91"])[0].section
+        for mark in ("bar", "dot")
     )
     left, bottom, right, _ = plain.bounds()
     x0, y0, x1, y1 = min((part.bounds() for part in barred.decompose()), key=lambda box: box[1])
@@ -90,7 +93,7 @@ def test_areas_equal_those_of_fonttools() -> None:
 def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
     """Compared with all line breaks, by the bounds of the sections."""
     words = ["a", "critical", "hit", "or", "a", "miss"]
-    broken = list(line_breaks(" ".join(words)))
+    broken = [text for text in line_breaks(" ".join(words)) if "-" not in text]
     assert [text.count("\n") for text in broken] == [0, 1, 2, 3]
     assert all(text.replace("\n", " ").split(" ") == words for text in broken)
     for count, text in enumerate(broken):
@@ -101,6 +104,22 @@ def test_lines_are_broken_at_spaces_where_the_widest_is_narrowest() -> None:
             widths.append(max(text_section(line).bounds()[2] for line in lines))
         widest = max(text_section(line).bounds()[2] for line in text.split("\n"))
         assert widest == pytest.approx(min(widths), abs=0.1)
+
+
+def test_words_are_hyphenated_between_syllables() -> None:
+    """As dictionaries do; words without such a place stay whole."""
+    for parted in (
+        "Sep-tem-ber",
+        "Thursday",
+        "Wed-nes-day",
+        "Janu-ary",
+        "mother",
+        "kit-ten",
+        "3d6",
+    ):
+        *_, last = line_breaks(parted.replace("-", ""))
+        assert last == parted.replace("-", "-\n")
+    assert list(line_breaks("crit\u00adical")) == ["critical", "crit-\nical"]
 
 
 def test_fonts_say_how_letters_follow_each_other() -> None:
@@ -223,8 +242,8 @@ def test_icons_are_upright(tmp_path: Path) -> None:
 def test_an_icon_replaces_its_label_only(tmp_path: Path) -> None:
     path = write_icon(tmp_path, '<rect width="5" height="5"/>')
     options = EngravingOptions(icons={"6": path})
-    assert label_arts("6", options)[0].section.area() == pytest.approx(1.0)
-    (other,), (plain,) = (label_arts("9", each) for each in (options, EngravingOptions()))
+    assert label_arts("6", options, [])[0].section.area() == pytest.approx(1.0)
+    (other,), (plain,) = (label_arts("9", each, ["6"]) for each in (options, EngravingOptions()))
     assert other.section.area() == plain.section.area()
 
 

@@ -7,18 +7,13 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy.spatial import HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
 from dicedesign.errors import EngravingError, LabelRoomError
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import (
-    LabelPlace,
-    Placement,
-    Reading,
-    die_readings,
-    edge_margins,
-    place_labels,
-)
+from dicedesign.fabricate.label_layout import Placement, edge_margins, place_labels, upright_choices
+from dicedesign.fabricate.label_reading import LabelPlace, Reading, die_readings
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.runtime.arrays import Floats
 from tests.reference.solids import PLATONIC
@@ -145,7 +140,7 @@ def test_the_advised_size_is_the_least(box):
 # Ways to read a die.
 
 
-LETTERS = "abcdefghijklmnopqrst"
+LETTERS = "abcdefghijklmnopqrstuvw"
 
 
 def read_as(hull: ConvexHull, read: str, facets: list[int] | None = None) -> Reading:
@@ -211,14 +206,76 @@ def test_a_tetrahedron_is_read_around_the_corner_on_top() -> None:
             assert disjoint(one.region, other.region, one.normal)
 
 
-def test_dice_with_edges_on_top_are_read_from_below() -> None:
-    """Around an odd prism there is an edge on top of each side."""
+def test_edges_on_top_have_their_label_on_both_sides() -> None:
+    """Around an odd prism there is an edge on top of each side, and its ends are level."""
     hull = prism(5)
-    sides = np.flatnonzero(np.abs(hull.normals[:, 2]) < 0.5).tolist()
-    assert read_as(hull, "auto", sides).way == "down"
-    with pytest.raises(EngravingError, match=r"36 degrees.*'a'.*read: down"):
-        read_as(hull, "up", sides)
+    is_side = np.abs(hull.normals[:, 2]) < 0.5
     assert read_as(prism(6), "auto").way == "up"
+    for chosen in (np.arange(7), np.flatnonzero(is_side)):
+        reading = read_as(hull, "auto", chosen.tolist())
+        assert reading.way == read_as(hull, "up", chosen.tolist()).way == "edge"
+        assert len(reading.places) == 2 * is_side[chosen].sum() + (~is_side[chosen]).sum()
+        ups = [choice[0] for choice in upright_choices(reading.places, OPTIONS)]
+        for place, up in zip(reading.places, ups, strict=True):
+            heights = hull.vertices @ -hull.normals[chosen[place.outcome]]
+            highest = hull.vertices[heights >= heights.max() - 1e-9]
+            if len(highest) > 2:
+                assert len(place.region) == 5
+                continue
+            # The label stands upright toward the edge on top, which its half of the facet meets.
+            assert len(highest) == 2
+            np.testing.assert_allclose(up @ (highest[1] - highest[0]), 0.0, atol=1e-9)
+            near = (place.region - highest[0]) @ up
+            np.testing.assert_allclose(sorted(near), [near.min()] * 2 + [0.0] * 2, atol=1e-9)
+            assert -near.min() == pytest.approx(math.sin(math.pi / 5.0))
+        for one, other in combinations(reading.places, 2):
+            if one.facet == other.facet:
+                assert disjoint(one.region, other.region, one.normal)
+
+
+# Uprights.
+
+
+def trapezohedron(sides: int) -> ConvexHull:
+    """The polar dual of an antiprism, with a kite for each of its corners."""
+    angle, z = np.pi * np.arange(2 * sides) / sides, 0.4 * (-1.0) ** np.arange(2 * sides)
+    planes = np.stack([np.cos(angle), np.sin(angle), z, -np.ones(2 * sides)], axis=1)
+    return convex_hull(HalfspaceIntersection(planes, np.zeros(3)).intersections)
+
+
+@pytest.mark.parametrize(
+    ("hull", "order", "alike"),
+    [
+        (convex_hull(PLATONIC["cube"]), 24, 6),
+        (convex_hull(PLATONIC["octahedron"]), 24, 8),
+        (trapezohedron(5), 10, 10),
+        (convex_hull(PLATONIC["dodecahedron"]), 60, 6),
+        (trapezohedron(7), 14, 14),
+        (convex_hull(PLATONIC["icosahedron"]), 60, 10),
+    ],
+    ids=["d6", "d8", "d10", "d12", "d14", "d20"],
+)
+def test_uprights_are_images_of_each_other(hull: ConvexHull, order: int, alike: int) -> None:
+    """Under all rotations of a body whose faces have none of their own, and under those about an
+    axis of a regular one; in any orientation."""
+    turn = Rotation.random(rng=np.random.default_rng(1)).as_matrix()
+    for body in (hull, convex_hull(hull.vertices @ turn.T)):
+        normals, everything = body.normals, np.arange(len(body.normals))
+        places = read_as(body, "down", everything.tolist()).places
+        ups = np.array([choice[0] for choice in upright_choices(places, OPTIONS)])
+        frames, found, kept = [], 0, 0
+        for place in places:
+            for corner in place.region - place.region.mean(axis=0):
+                right = corner / np.linalg.norm(corner)
+                frames.append(np.stack([right, np.cross(place.normal, right), place.normal]).T)
+        for frame in frames:
+            motion = frame @ frames[0].T
+            gaps = np.linalg.norm((body.vertices @ motion.T)[:, None] - body.vertices, axis=2)
+            if gaps.min(axis=1).max() < 1e-6:
+                image = (normals @ motion.T @ normals.T).argmax(axis=1)
+                found += 1
+                kept += np.allclose(ups @ motion.T, ups[image], atol=1e-3)
+        assert (found, kept) == (order, alike)
 
 
 def test_both_sides_have_the_label() -> None:

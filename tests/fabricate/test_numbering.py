@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import permutations, product
 
@@ -59,6 +60,35 @@ def test_opposite_facets_have_one_sum(name: str, total: int) -> None:
     across = (hull.normals @ hull.normals.T).argmin(axis=1)
     np.testing.assert_array_equal(numbers + numbers[across], total)
     assert fair(hull, "standard")[1].endswith(f"sum to {total}")
+
+
+@pytest.mark.parametrize("name", ["octahedron", "dodecahedron"])
+def test_usual_numbers_are_the_best_with_one_sum_across(name: str) -> None:
+    """Compared with all ways to put pairs onto opposite facets, the first up to a turn."""
+    hull = convex_hull(PLATONIC[name])
+    count = len(hull.normals)
+    across = (hull.normals @ hull.normals.T).argmin(axis=1)
+    near = np.flatnonzero(across > np.arange(count))
+    everything = np.empty((math.factorial(count // 2) << (count // 2), count))
+    ways = product(permutations(range(1, count // 2 + 1)), product((0, 1), repeat=count // 2))
+    for row, (low, turned) in zip(everything, ways, strict=True):
+        numbers = np.where(turned, count + 1 - np.array(low), low)
+        row[near], row[across[near]] = numbers, count + 1 - numbers
+    member, numbers = groups(hull), place_numbers(hull, "auto")
+    np.testing.assert_array_equal(numbers + numbers[across], count + 1)
+    assert_best(member @ numbers, everything @ member.T, member, count / 2.0 + 0.5)
+
+
+def test_equal_numbers_are_apart() -> None:
+    """1 to 6 twice on a dodecahedron: opposite sums are 7, and no corner has a number twice."""
+    hull = convex_hull(PLATONIC["dodecahedron"])
+    labels = [str(k + 1) for k in range(6)] * 2
+    order, _ = number_die(hull, np.arange(12), labels, np.full(12, 1.0 / 12.0), "auto")
+    numbers = 1.0 + order % 6
+    across = (hull.normals @ hull.normals.T).argmin(axis=1)
+    np.testing.assert_array_equal(numbers + numbers[across], 7.0)
+    for member in groups(hull)[6:].astype(bool):
+        assert len(set(numbers[member])) == 3
 
 
 @pytest.mark.parametrize("name", ["tetrahedron", "octahedron"])

@@ -14,7 +14,7 @@ from dicedesign.fabricate.die import make_solid
 from dicedesign.fabricate.engraving import LEAST_SHARE, even_depths, place_on_facets
 from dicedesign.fabricate.engraving import engrave as cut_labels
 from dicedesign.fabricate.label_art import text_section
-from dicedesign.fabricate.printability import walls_under
+from dicedesign.fabricate.printability import narrowest_stroke, walls_under
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.manifold import solid
 from dicedesign.geometry.meshes.reading import read_stl
@@ -192,7 +192,7 @@ def sized_work(
     size_mm: float, engrave: bool = True, enlarge: bool = True, label: str = "6", thin: float = 4.0
 ) -> Work:
     """Run up to the stage "size" of a box with a label on a facet with its smallest side."""
-    entries = {"engrave": engrave, "size_mm": size_mm}
+    entries = {"engrave": engrave, "size_mm": size_mm, "numbering": "given"}
     target = {"fair": 6, "labels": ["1", "2", "3", "4", "5", label]}
     work = run_to_design(box(thin, 5.0, 6.0), target=target, entries=entries)
     work.enlarge = enlarge
@@ -217,6 +217,23 @@ def test_the_size_is_the_smallest_whole_number_of_millimeters() -> None:
     assert not fits(work, size - 1.0)
     (note,) = work.notes
     assert f"{size:g}" in note
+
+
+MONTHS = "January February March April May June July August September October November December"
+
+
+def test_long_words_are_finer_before_a_die_is_larger() -> None:
+    """Narrow capitals in several lines; all strokes and ridges suit the printer."""
+    work = design_of("dodecahedron", print="fdm")
+    entries = {"name": "die", "target": {"fair": 12, "labels": MONTHS.split()}}
+    work.recipe, work.enlarge = parse_recipe(entries), True
+    run_stages(work, after="design", last="size")
+    assert work.recipe.size_mm <= 33.0
+    assert "Jan, Feb, Mar, ... would fit at 30 mm" in work.notes[-1]
+    for placement in place_at_size(work, work.die, work.recipe.size_mm):
+        widths = [narrowest_stroke(placement.section(), side) for side in (-1.0, 1.0)]
+        assert min(width for width in widths if width) >= 0.4
+        assert len(placement.text) > 1 or placement.height >= 2.5
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,8 @@ from matplotlib.patches import Patch
 
 from dicedesign.fabricate.die import FinishedDie, assess_file
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import Placement, die_readings, place_labels
+from dicedesign.fabricate.label_layout import Placement, place_labels
+from dicedesign.fabricate.label_reading import die_readings
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.hulls.polygons import signed_area
 from dicedesign.geometry.meshes.reading import stl_bytes

@@ -29,6 +29,7 @@ from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
 from dicedesign.optimize.coordinates import FacetCoordinates
+from dicedesign.optimize.starts.face_bodies import FaceCode, FaceShares
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum_model import MomentumMixture
 
@@ -62,6 +63,9 @@ MAX_STEPS = 25
 
 REACHED = 1e-11
 """Error of the sums at which they are met."""
+
+ORDERS = 1000
+"""Random orders of outcomes on faces."""
 
 PENALTY = 60.0
 """Initial weight of the error of the sums in the merit function."""
@@ -177,8 +181,10 @@ class _Problem:
         start: PlanesInPairs,
         thrown: ThrowProbabilities | None,
         set_down: bool,
+        bias: Floats,
     ) -> None:
         self.target, self.start, self.set_down, self.evaluations = target, start, set_down, 0
+        self.bias = bias
         self.sums = np.eye(len(target))[outcome].T
         self.shares = (target / self.sums.sum(axis=1))[outcome]
         strength = np.clip(self.shares.mean() / self.shares, 1.0, MOST_STRENGTH)
@@ -204,8 +210,12 @@ class _Problem:
         if resting.min() < LEAST_PROBABILITY:
             return None
         sums, count = self.sums[:, face], len(self.target)
-        by_hand = [sums @ hand.probabilities(rests) for hand in self.hands]
-        off = np.array(by_hand).reshape(-1, count) - self.target
+        # Corrected by the bias, with the sum 1.
+        scaled = sums * np.exp(self.bias[face])
+        by_hand = np.array([scaled @ hand.probabilities(rests) for hand in self.hands])
+        wholes = by_hand.sum(axis=-1, keepdims=True)
+        by_hand = by_hand.reshape(-1, count) / wholes
+        off = by_hand - self.target
         weights = HAND_WEIGHT * np.sqrt(self.hand_weights)[:, None] / np.sqrt(self.target + RARE)
         short, short_rows = _short_edges(rests)
         change = np.concatenate(
@@ -222,11 +232,13 @@ class _Problem:
         if not slopes:
             return _Terms(np.concatenate(soft), hard, np.zeros(0), np.zeros(0), hull, variation)
         rows = np.concatenate(
-            [rests.jacobian, *(hand.jacobian(rests, sums) for hand in self.hands), short_rows]
+            [rests.jacobian, *(hand.jacobian(rests, scaled) for hand in self.hands), short_rows]
         )
         moved = shape.in_parameters(rows, hull.source) @ planes.directions
         of_faces, of_hands, of_edges = np.split(moved, [len(face), len(moved) - len(short)])
         by_hands = of_hands.reshape(len(self.hands), count, moved.shape[1])
+        by_hands = by_hands - by_hand[..., None] * by_hands.sum(axis=1, keepdims=True)
+        by_hands = by_hands / wholes[..., None]
         pairs = len(planes.half)
         stays = np.concatenate([planes.directions[: 3 * pairs], planes.directions[6 * pairs :]])
         soft_slopes = [
@@ -272,8 +284,7 @@ def _short_edges(rests: RestEvaluation) -> tuple[Floats, Floats]:
 def solve_outcome_sums(
     target: Floats,
     outcome: Integers,
-    normals: Floats,
-    distances: Floats,
+    code: FaceCode,
     thrown: ThrowProbabilities | None,
     set_down: bool = True,
 ) -> OutcomeSumsDie | None:
@@ -285,15 +296,14 @@ def solve_outcome_sums(
     ----------
     target: (k,) probabilities of the outcomes.
     outcome: (2 m,) of each face.
-    normals: (2 m, 3) unit, distances: (2 m,) of the starting planes about the origin; faces i and
-        i + m are opposite.
+    code: the starting planes.
     thrown: model of throws onto a table, or None to look at dice that are set down only. set_down:
         whether the sums are also to be right when set down; they are without `thrown`.
     """
-    pairs = len(normals) // 2
-    planes = PlanesInPairs(normals[:pairs], np.log(distances))
+    pairs = len(code.normals) // 2
+    planes = PlanesInPairs(code.normals[:pairs], np.log(code.distances))
     is_thrown = thrown is not None and thrown.mixture is not None
-    problem = _Problem(target, outcome, planes, thrown, set_down or not is_thrown)
+    problem = _Problem(target, outcome, planes, thrown, set_down or not is_thrown, code.bias)
     terms = problem.terms(planes)
     if terms is None:
         return None
@@ -343,6 +353,33 @@ def solve_outcome_sums(
     return OutcomeSumsDie(
         terms.hull, planes.normals, terms.error, terms.hands, strain, problem.evaluations
     )
+
+
+def arrange_outcomes(
+    target: Floats, shares: FaceShares, code: FaceCode, thrown: ThrowProbabilities | None
+) -> Integers:
+    """(2 m,) outcome of each face of a code, so that the sums are near the target (k,) from the
+    start, set down and thrown: the best of many random orders of the pairs of `shares`."""
+    coordinates = FacetCoordinates(np.zeros(3))
+    parameters = np.concatenate([code.normals.ravel(), np.log(code.distances)])
+    rests = evaluate_rests(torch.from_numpy(coordinates.shape(parameters).points))
+    face = np.argmax(rests.hull.normals[rests.facets] @ code.normals.T, axis=1)
+    models = [rests.probability_values]
+    if thrown is not None:
+        models.append(thrown.probabilities(rests) * np.exp(code.bias[face]))
+    probabilities = np.zeros((len(models), len(code.normals)))
+    probabilities[:, face] = models / np.sum(models, axis=1, keepdims=True)
+    rng, pairs = np.random.default_rng(0), len(code.normals) // 2
+    best, least = shares.outcome, np.inf
+    for _ in range(ORDERS):
+        order = rng.permutation(pairs)
+        turned = (order + pairs * rng.integers(0, 2, pairs)) % (2 * pairs)
+        outcome = shares.outcome[np.concatenate([turned, (turned + pairs) % (2 * pairs)])]
+        sums = np.array([np.bincount(outcome, own, len(target)) for own in probabilities])
+        cost = float(((sums - target) ** 2 / (target + RARE)).sum())
+        if cost < least:
+            best, least = outcome, cost
+    return best
 
 
 def _sequential_step(terms: _Terms, damping: float) -> tuple[Floats, Floats]:

@@ -8,8 +8,12 @@ around its top corner.
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib import resources
 
 import numpy as np
 
@@ -175,6 +179,36 @@ def share_faces(probabilities: Floats, faces: int) -> FaceShares:
     return FaceShares(outcome, shares[outcome], cost)
 
 
+@dataclass(frozen=True, eq=False)
+class FaceCode:
+    """Planes about the origin in opposite pairs: i and i + m are parallel.
+
+    Attributes
+    ----------
+    normals: (2 m, 3) outward unit normals. distances: (2 m,) from the origin.
+    bias: (2 m,) logarithms of probabilities when thrown over those in the momentum model; zeros if
+        they are not known.
+    """
+
+    normals: Floats
+    distances: Floats
+    bias: Floats
+
+
+@cache
+def even_codes() -> Mapping[int, FaceCode]:
+    """Codes of faces of nearly one size that come with the package, by their number of faces. Their
+    bias is of 100,000 simulated throws onto board-game: `python -m benchmarks codes`
+    makes them."""
+    text = resources.files("dicedesign.optimize.starts").joinpath("codes.json").read_text()
+    codes = dict[int, FaceCode]()
+    for faces, numbers in json.loads(text).items():
+        half = unit_vectors(np.array(numbers["normals"]))
+        normals = np.concatenate([half, -half])
+        codes[int(faces)] = FaceCode(normals, np.ones(len(normals)), np.array(numbers["bias"]))
+    return codes
+
+
 REPULSION = 6
 """Power of the distance with which the faces of a code repel each other."""
 
@@ -185,11 +219,10 @@ OUTWARD = 0.2
 """Share of the depth of the spherical cap of a face by which its plane is moved outward."""
 
 
-def weighted_code(shares: Floats, seed: int) -> tuple[Floats, Floats]:
-    """Normals (2 m, 3) and distances (2 m,) of opposite planes that bound faces of about the given
-    shares (2 m,), of one size for two opposite faces, faces i and i + m.
+def weighted_code(shares: Floats, seed: int) -> FaceCode:
+    """Code of faces of about the given shares (2 m,), of one size for two opposite ones.
 
-    The directions repel each other as discs of these sizes would, from random ones on.
+    The normals repel each other as discs of these sizes would, from random ones on.
     """
     # Few callers need the minimizer.
     from scipy.optimize import minimize
@@ -217,4 +250,8 @@ def weighted_code(shares: Floats, seed: int) -> tuple[Floats, Floats]:
     half = unit_vectors(found.x.reshape(-1, 3))
     depths = np.log(np.cos(radii))
     distances = np.exp(OUTWARD * (depths - depths.mean()))
-    return np.concatenate([half, -half]), np.concatenate([distances, distances])
+    return FaceCode(
+        np.concatenate([half, -half]),
+        np.concatenate([distances, distances]),
+        np.zeros(2 * pairs),
+    )

@@ -14,7 +14,8 @@ from common.bodies import box
 
 from dicedesign.fabricate.convex_object import ConvexObject, measure_resting
 from dicedesign.fabricate.finish_options import EngravingOptions
-from dicedesign.fabricate.label_layout import Placement, die_readings, place_labels
+from dicedesign.fabricate.label_layout import Placement, place_labels
+from dicedesign.fabricate.label_reading import die_readings
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.triangles import Surface
