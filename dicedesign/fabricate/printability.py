@@ -29,7 +29,7 @@ from dicedesign.geometry.triangles import (
     solid_properties,
 )
 from dicedesign.rest.poses import RestPoses
-from dicedesign.results.parts import (
+from dicedesign.results.print_parts import (
     FileCheck,
     Printability,
     PrintedLabel,

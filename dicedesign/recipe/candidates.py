@@ -94,7 +94,7 @@ def design_candidates(work: Work) -> Design:
     """Design dice with different numbers of faces, record what distinguishes them, and return the
     one that the recipe picks, the first by default. Sets the work's target to its faces.
 
-    Raises InputError if fewer dice are found than the recipe picks from, and as `design_handsome`.
+    Raises NoStartError if none is found, InputError if fewer are than the recipe picks from.
     """
     recipe = work.recipe
     wanted = max(recipe.candidates, recipe.pick)
@@ -105,6 +105,11 @@ def design_candidates(work: Work) -> Design:
         work.callbacks.on_part(len(found), len(found) + 1, "dice")
         if wanted == 1 and not measured[-1].lacks:
             break
+    if not found:
+        raise NoStartError(
+            f"faces: expected a number with which a die has the target, got {recipe.faces}, to "
+            "which no starting shape led; take more faces, or write auto or one"
+        )
     # Dice that lack nothing stay in the order of the rule.
     order = sorted(range(len(found)), key=lambda number: measured[number].shortfall)[:wanted]
     if len(order) < recipe.pick:

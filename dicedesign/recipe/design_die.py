@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.errors import EngravingError
+from dicedesign.errors import EngravingError, InputError
 from dicedesign.optimize.targets import Target
 from dicedesign.recipe.pipeline import Callbacks, Work, finish, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target
@@ -169,6 +169,11 @@ def design(
     labels: Sequence[str] | None = None,
     start: str | Mapping[str, Any] | None = None,
     method: str | Mapping[str, Any] | None = None,
+    faces: int | str | None = None,
+    purpose: str = "both",
+    candidates: int = 1,
+    pick: int = 1,
+    table: str | None = None,
     center_of_mass: Sequence[float] | None = None,
     prior: str | None = None,
     symmetry: str | None = None,
@@ -189,9 +194,16 @@ def design(
     labels: labels of at most 24 characters, one for each probability; by default those of the
         target. Faces with the same label are one outcome.
     start: starting shape of a recipe, a name or a mapping such as `{"prism": {"sides": 5}}`;
-        by default shapes are searched.
+        by default dice with different numbers of faces are compared.
     method: "exact", the default, "paper" or "concave", or a mapping with its options such as
         `{"exact": {"prefer": {"margin": 1.0}}}`.
+    faces: "auto", "one" for one face an outcome, or an even number, as in a recipe; by default
+        "auto" unless another argument rules it out.
+    purpose: "both", right set down and thrown; "setting-down" or "throwing" for one of these.
+    candidates: number of dice to compare, 1 to 12; `result.candidates` describes them. pick: number
+        of the one to make, 1 for the best.
+    table: name or file of the table that the die is thrown onto, instead of a method; by default
+        "board-game".
     center_of_mass: (3,) in the start's own coordinates; by default that of the uniform solid.
     prior: distribution of the direction that points down at release, a recipe's `prior`, such as
         "half:0,0,-1"; by default uniform.
@@ -215,11 +227,19 @@ def design(
     NoStartError: the start has rests that are no outcome, or lacks one; or a search finds no shape
         with one rest for each outcome and no other. Not with the methods "paper" and "concave".
     """
+    if method is not None and table is not None:
+        raise InputError(
+            'table: expected no method with it, got both; write method={"exact": {"table": ...}}'
+        )
     given: dict[str, Any] = {
         "name": "die",
         "target": _make_target_entries(target, labels),
         "start": {start: {}} if isinstance(start, str) else start,
-        "method": method,
+        "method": method if table is None else {"exact": {"table": table}},
+        "faces": faces,
+        "purpose": purpose,
+        "candidates": candidates,
+        "pick": pick,
         "center_of_mass": None if center_of_mass is None else [float(x) for x in center_of_mass],
         "prior": prior,
         "symmetry": symmetry,

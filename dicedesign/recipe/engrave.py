@@ -155,7 +155,8 @@ def _finish_convex(work: Work) -> None:
 
 
 def _even_pockets(work: Work, placements: list[Placement]) -> list[Placement]:
-    """Keep the symmetry of a die by the depths of its pockets, if they and the printer allow it."""
+    """Keep the symmetry of a die by the depths of its pockets, if they and the printer allow it.
+    The printer is not asked if edges are rounded, as then nothing else keeps the probabilities."""
     engrave, printing = work.recipe.engrave, work.recipe.print
     assert engrave is not None
     depth = engrave.depth_mm
@@ -163,7 +164,10 @@ def _even_pockets(work: Work, placements: list[Placement]) -> list[Placement]:
     if even is None:
         return placements
     least = depth * min(placement.depth_share for placement in even)
-    if printing is not None and least < min(depth, printing.selected_printer.groove_depth_mm):
+    shown = 0.0
+    if printing is not None and work.recipe.edges is None:
+        shown = min(depth, printing.selected_printer.groove_depth_mm)
+    if least < shown:
         return placements
     work.notes.append(
         f"labels are {least:.2g} to {depth:.2g} mm deep, so that the probabilities and the "

@@ -20,15 +20,8 @@ from dicedesign.recipe.callbacks import Callbacks
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
 from dicedesign.results.folder import CHECKPOINT, PAGE, RECIPE, open_results_folder, write_results
-from dicedesign.results.parts import (
-    Candidate,
-    Concave,
-    Printability,
-    Search,
-    Status,
-    TableResult,
-    ThrowForecast,
-)
+from dicedesign.results.parts import Candidate, Concave, Search, Status, TableResult, ThrowForecast
+from dicedesign.results.print_parts import Printability
 from dicedesign.results.result import (
     RESULT,
     Balance,
@@ -163,9 +156,8 @@ class Work:
     @property
     def message(self) -> str:
         """See `describe_verdict`."""
-        from dicedesign.recipe.verdict import describe_verdict
-
-        return describe_verdict(self)
+        describe: Callable[[Work], str] = resolve_name("dicedesign.recipe.verdict:describe_verdict")
+        return describe(self)
 
     def fail(self, status: Status) -> None:
         """Replace the status of a converged die."""

@@ -19,16 +19,16 @@ from pydantic import (
 from pydantic_core import core_schema
 
 from dicedesign.balance.options import InsideOptions
-from dicedesign.concave.options import ConcaveOptions
 from dicedesign.fabricate.file_formats import with_stl
 from dicedesign.fabricate.finish_options import EdgeOptions, EngravingOptions, core_scale
 from dicedesign.fabricate.printers import PrintOptions
 from dicedesign.geometry.point_groups import point_group
-from dicedesign.optimize.options import ExactOptions, PaperOptions
+from dicedesign.optimize.options import ExactOptions
 from dicedesign.optimize.starts.kinds import SearchOptions
 from dicedesign.optimize.starts.orbit_layouts import OrbitLayouts
 from dicedesign.optimize.starts.start import STARTS, StartKind
 from dicedesign.optimize.targets import MOST_FACES
+from dicedesign.recipe.method import MethodRecipe
 from dicedesign.recipe.target import Label, Strict, TargetRecipe
 from dicedesign.rest.prior import DensityPrior, read_prior
 from dicedesign.runtime.arrays import Floats
@@ -104,60 +104,6 @@ def _start_keys(kinds: tuple[StartKind, ...]) -> type[Strict]:
     return create_model("StartKeys", __base__=Strict, **keys)
 
 
-METHODS = ("exact", "paper", "concave")
-"""Keys of `method`."""
-
-
-class MethodRecipe(Strict):
-    """`method`: `exact` (default), `paper`, or `concave` for a die that keeps the shape of its
-    start. A name alone stands for the method with its defaults."""
-
-    exact: ExactOptions | None = Field(default_factory=ExactOptions)
-    paper: PaperOptions | None = None
-    concave: ConcaveOptions | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _choose(cls, given: Any) -> Any:
-        if given in METHODS:
-            given = {given: {}}
-        if isinstance(given, dict) and any(given.get(name) is not None for name in METHODS):
-            return {"exact": None, **given}
-        return given
-
-    @model_validator(mode="after")
-    def _check(self) -> MethodRecipe:
-        self.one_of(*METHODS)
-        return self
-
-    @property
-    def name(self) -> str:
-        """Key of the method."""
-        return self.one_of(*METHODS)
-
-    @property
-    def options(self) -> Any:
-        """Options of the method."""
-        return getattr(self, self.name)
-
-    @property
-    def is_thrown(self) -> bool:
-        """Whether the target holds for throws onto a table."""
-        return self.exact is not None and self.exact.probabilities == "thrown"
-
-    @property
-    def table(self) -> str | None:
-        """Table name with throw distribution; None for probabilities without momentum."""
-        return self.options.table_with_hand if self.is_thrown else None
-
-    @property
-    def tolerance(self) -> float:
-        """Largest |p - q| that counts as reached."""
-        options = self.options
-        tolerance: float = options.effective_tolerance if self.paper else options.tolerance
-        return tolerance
-
-
 def _check_prior(text: str | None) -> str | None:
     if text is not None and not isinstance(read_prior(text), DensityPrior):
         raise ValueError(
@@ -165,6 +111,16 @@ def _check_prior(text: str | None) -> str | None:
             "the vmf density nearest to samples"
         )
     return text
+
+
+def _check_faces(value: object) -> object:
+    is_number = isinstance(value, int) and FEWEST_FACES <= value <= MOST_FACES
+    if not is_number and value not in ("one", AUTO):
+        raise ValueError(
+            f"expected one, auto, or an even number from {FEWEST_FACES} to {MOST_FACES}, got "
+            f"{value!r}; change it"
+        )
+    return value
 
 
 def _check_group(name: str | None) -> str | None:
@@ -252,7 +208,7 @@ class Recipe(Strict):
     prior: Annotated[str | None, AfterValidator(_check_prior), _word("uniform", None)] = None
     symmetry: Annotated[str | None, AfterValidator(_check_group), _word("none", None)] = None
     method: MethodRecipe = Field(default_factory=MethodRecipe)
-    faces: Literal["one", "auto"] | Annotated[int, Field(ge=FEWEST_FACES, le=MOST_FACES)] = "one"
+    faces: Annotated[Literal["one", "auto"] | int, BeforeValidator(_check_faces)] = "one"
     purpose: Literal["both", "throwing", "setting-down"] = "both"
     candidates: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)] = 1
     pick: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)] = 1

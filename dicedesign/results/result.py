@@ -19,12 +19,12 @@ from dicedesign.results.parts import (
     Candidate,
     Concave,
     Numbers,
-    Printability,
     Search,
     Status,
     TableResult,
     ThrowForecast,
 )
+from dicedesign.results.print_parts import Printability
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text, plain
 

@@ -27,7 +27,7 @@ from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.poses import rest_poses
-from dicedesign.results.parts import Printability
+from dicedesign.results.print_parts import Printability
 from tests.reference.solids import PLATONIC
 
 

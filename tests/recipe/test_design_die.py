@@ -27,8 +27,10 @@ def test_a_die_of_probabilities(coin: Die) -> None:
     np.testing.assert_allclose(coin.target, [1 / 2, 1 / 3, 1 / 6], rtol=1e-15)
     assert coin.max_abs_error < 1e-7
     np.testing.assert_allclose(coin.probabilities, coin.target, atol=1e-7)
-    poses = rest_poses(coin.vertices)
-    np.testing.assert_allclose(poses.probabilities, [1 / 2, 1 / 3, 1 / 6], atol=1e-12)
+    # A cube, whose six sides are parted.
+    np.testing.assert_allclose(rest_poses(coin.vertices).probabilities, 6 * [1 / 6], atol=1e-12)
+    sides = [facet.label for facet in coin.result.facets]
+    assert [sides.count(label) for label in coin.labels] == [3, 2, 1]
     span = np.linalg.norm(coin.vertices[:, None] - coin.vertices[None], axis=2).max()
     assert span == pytest.approx(40.0, rel=1e-12)
     solid = trimesh.Trimesh(coin.vertices, coin.triangles, process=False)
@@ -82,6 +84,8 @@ def test_invalid_arguments() -> None:
             design(target)
     with pytest.raises(InputError, match="start"):
         design({"fair": 3}, start="nowhere")
+    with pytest.raises(InputError, match="table"):
+        design({"fair": 3}, method="exact", table="carpet")
     with pytest.raises(LabelRoomError):
         design({"fair": 3}, start="prism", size_mm=4.0, engrave=True)
     die = design({"fair": np.int64(3)}, start="prism", seed=np.int64(3), size_mm=np.float32(4.0))

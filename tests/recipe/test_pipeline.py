@@ -202,7 +202,7 @@ def test_an_exception_of_a_callback_ends_the_run() -> None:
         if len(shapes) == 3:
             raise Enough
 
-    recipe = parse_recipe({"name": "d5", "target": {"fair": 5}})
+    recipe = parse_recipe({"name": "d5", "target": {"fair": 5}, "faces": "one"})
     with pytest.raises(Enough):
         design_recipe(recipe, Callbacks(on_shape=on_shape), last="design")
     assert len(shapes) == 3

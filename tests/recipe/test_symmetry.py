@@ -112,7 +112,7 @@ def test_the_most_handsome_fair_die_is_the_platonic_solid(sides: int, group: str
     """The search counts the dice it tried; the recipe that is written makes the same die again."""
     parts: list[tuple[int, int, str]] = []
     target = {"fair": sides}
-    given = parse_recipe({"name": "d", "target": target, "engrave": False})
+    given = parse_recipe({"name": "d", "target": target, "faces": "one", "engrave": False})
     callbacks = Callbacks(on_part=lambda *part: parts.append(part))
     work = design_recipe(given, callbacks, last="design")
     assert work.die.symmetry == group

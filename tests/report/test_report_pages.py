@@ -29,14 +29,8 @@ from dicedesign.recipe.pipeline import run_stages
 from dicedesign.report import pages
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.pages import facet_parts, rests_of_triangles, three_script, throwing_advice
-from dicedesign.results.parts import (
-    Draft,
-    PrintedLabel,
-    Search,
-    SimulatedThrows,
-    TableResult,
-    TradeOff,
-)
+from dicedesign.results.parts import Draft, Search, SimulatedThrows, TableResult, TradeOff
+from dicedesign.results.print_parts import PrintedLabel
 from dicedesign.results.result import Designed
 from dicedesign.throws.tables import load_table
 

@@ -27,7 +27,11 @@ from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.parts import Status
 
-TETRAHEDRON = {"name": "four", "target": {"probabilities": [0.3, 0.25, 0.25, 0.2]}}
+TETRAHEDRON = {
+    "name": "four",
+    "target": {"probabilities": [0.3, 0.25, 0.25, 0.2]},
+    "faces": "one",
+}
 
 
 def run_to_engraving(**entries: object) -> Work:
@@ -45,6 +49,7 @@ def run_to_engraving(**entries: object) -> Work:
         {"engrave": {"balance": "none"}},
         {"engrave": False, "edges": True},
         {"target": {"fair": 6}, "symmetry": "Oh"},
+        {"target": {"probabilities": [0.25, 0.75]}, "faces": "auto", "edges": True},
         pytest.param({"method": "paper", "start": {"prism": {}}}, marks=pytest.mark.full),
     ],
     ids=str,
@@ -58,7 +63,7 @@ def test_the_file_has_the_target_probabilities(entries: dict[str, object], tmp_p
     judge = trimesh.load_mesh(path)
     assert judge.is_watertight
     poses = rest_poses(read_body(path), judge.center_mass)
-    outcomes = outcome_probabilities(poses, work.die.directions)
+    outcomes = outcome_probabilities(poses, work.die.directions, work.die.outcome_of)
     error, balance = outcomes.max_abs_error(work.target.probabilities), work.balance
     assert error == pytest.approx(balance.errors[-1], abs=1e-6)
     assert outcomes.elsewhere < 1e-9
@@ -66,8 +71,8 @@ def test_the_file_has_the_target_probabilities(entries: dict[str, object], tmp_p
         assert error > 1e-5
         return
     # Labels of these leave the center of mass where it was.
-    is_even = balance.by == "opposite" or (entries.get("symmetry") and "edges" not in entries)
-    assert (balance.errors[0] < 1e-9) == bool(is_even)
+    is_even = balance.by == "opposite" or work.die.symmetry is not None
+    assert (balance.errors[0] < 1e-9) == is_even
     assert min(balance.errors) < 1e-9
     np.testing.assert_allclose(judge.center_mass, np.zeros(3), atol=1e-5)
 
