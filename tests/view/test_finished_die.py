@@ -22,7 +22,7 @@ COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "ed
 
 def design(**entries: Any) -> Work:
     work = Work(parse_recipe({"target": COIN, "name": "coin", **entries}))
-    run_stages(work, last="design")
+    run_stages(work, last="numbering")
     return work
 
 
