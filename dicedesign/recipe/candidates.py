@@ -83,7 +83,8 @@ def design_candidates(work: Work) -> Design:
     """Design dice with different numbers of faces, record what distinguishes them, and return the
     one that the recipe picks, the first by default. Sets the work's target to its faces.
 
-    Raises InputError if fewer dice are found than the recipe picks from, and as `design_handsome`.
+    Raises InputError if no die is found, or fewer than the recipe picks from, and as
+    `design_handsome`.
     """
     recipe = work.recipe
     wanted = max(recipe.candidates, recipe.pick)
@@ -94,6 +95,11 @@ def design_candidates(work: Work) -> Design:
         work.callbacks.on_part(len(found), len(found) + 1, "dice")
         if wanted == 1 and not measured[-1].lacks:
             break
+    if not found:
+        raise InputError(
+            f"faces: expected a number for which a die is found, got {recipe.faces}; take more, or "
+            "another seed, or write auto"
+        )
     # Dice that lack nothing stay in the order of the rule.
     order = sorted(range(len(found)), key=lambda number: measured[number].shortfall)[:wanted]
     if len(order) < recipe.pick:

@@ -168,8 +168,10 @@ class Sphere:
         """Show the basins and the Morse-Smale complex of a body."""
         poses = viewed.poses
         colors = COLORS[_color_of_rest(viewed)]
-        if self._hull is not poses.hull:
-            self._hull, self._lowest = poses.hull, lowest_corners(poses.hull, DIRECTIONS)
+        # Flow lines follow this hull, which may have other corners than `poses.hull`.
+        hull = poses.morse.equilibria.hull
+        if self._hull is not hull:
+            self._hull, self._lowest = hull, lowest_corners(hull, DIRECTIONS)
         self._dots.colors = colors[basin_of_directions(poses, DIRECTIONS, self._lowest)]
         self._arcs.points = 1.02 * SPHERE_RADIUS * arc_segments(poses.morse.polylines)
         for kind, node in self._points.items():

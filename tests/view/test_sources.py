@@ -42,7 +42,7 @@ def test_a_finished_die_has_its_labels_and_probabilities(tmp_path: Path, engrave
     np.testing.assert_allclose(
         [row.probability for row in viewed.rows][:4], probabilities, atol=1e-9
     )
-    assert [row.target for row in viewed.rows][:4] == [0.1, 0.2, 0.3, 0.4]
+    assert [row.target for row in viewed.rows][:4] == pytest.approx([0.1, 0.2, 0.3, 0.4])
 
 
 def test_a_recipe_is_designed_with_progress(tmp_path: Path) -> None:
