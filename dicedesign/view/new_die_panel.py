@@ -70,8 +70,7 @@ MIN_SLIDER_RANGE = 2.0
 STEP_SECONDS = 1.0 / 30.0
 """Least duration of a step, so that it can be seen."""
 
-
-LAST = 1e6
+LAST_ORDER = 1e6
 """Place below all other elements of a tab."""
 
 
@@ -95,7 +94,7 @@ class OptionControls:
             "method, start or preferences of your own",
         )
         self._purpose = gui.add_dropdown("For", tuple(PURPOSES), hint="where it shall be right")
-        with gui.add_folder("More", order=LAST, expand_by_default=False):
+        with gui.add_folder("More", order=LAST_ORDER, expand_by_default=False):
             self._seed = gui.add_text("Seed", "0", hint="another seed gives another shape")
             self._method = gui.add_dropdown(
                 "Method",
