@@ -44,10 +44,10 @@ from dicedesign.results.parts import Candidate, Status
 from dicedesign.results.result import HullCounts, Step
 from dicedesign.runtime.arrays import Floats, Integers
 
-NUMBERS = tuple(range(24, 50, 2))
-"""Numbers of nearly equal faces that are tried. With fewer the momentum model errs more."""
+NUMBERS = (24, 30, 34, 36, 38, 42, 46, 48)
+"""Numbers of nearly equal faces that are tried, those of `even_codes`."""
 
-EVEN_SHARES = 0.05
+EVEN_SHARES = 0.03
 """Cost of the shares of faces up to which the smallest number of faces comes first."""
 
 ODD_SHARES = 0.12
