@@ -209,50 +209,56 @@ class _Problem:
             return None
         if resting.min() < LEAST_PROBABILITY:
             return None
-        sums, count = self.sums[:, face], len(self.target)
+        sums, hull, shares = self.sums[:, face], rests.hull, self.shares[face]
         # Corrected by the bias, with the sum 1.
-        scaled = sums * np.exp(self.bias[face])
-        by_hand = np.array([scaled @ hand.probabilities(rests) for hand in self.hands])
-        wholes = by_hand.sum(axis=-1, keepdims=True)
-        by_hand = by_hand.reshape(-1, count) / wholes
-        off = by_hand - self.target
+        scale = np.exp(self.bias[face])
+        scaled = [scale * hand.probabilities(rests) for hand in self.hands]
+        wholes = np.sum(scaled, axis=-1)
+        by_hand = np.reshape(scaled, (-1, len(face))) / wholes[..., None]
+        off = by_hand @ sums.T - self.target
+        variation = np.abs(off).sum(axis=1) / 2.0
+        mean = self.hand_weights @ by_hand
         weights = HAND_WEIGHT * np.sqrt(self.hand_weights)[:, None] / np.sqrt(self.target + RARE)
         short, short_rows = _short_edges(rests)
         change = np.concatenate(
             [(planes.half - self.start.half).ravel(), planes.logarithms - self.start.logarithms]
         )
         share_weights = self.share_weights[face]
-        soft = [share_weights * np.log(resting / self.shares[face]), (weights * off).ravel()]
+        soft = [share_weights * np.log(resting / shares), (weights * off).ravel()]
+        soft += [share_weights * np.log(mean / shares)] if self.hands else []
         soft += [EDGE_WEIGHT * short, STAY_WEIGHT * change]
         # The last outcome has what is left.
         errors = [(sums @ resting - self.target)[:-1]] if self.set_down else []
-        errors += [(self.hand_weights @ off)[:-1]] if self.hands else []
+        errors += [(sums @ mean - self.target)[:-1]] if self.hands else []
         hard = np.concatenate(errors)
-        hull, variation = rests.hull, np.abs(off).sum(axis=1) / 2.0
         if not slopes:
             return _Terms(np.concatenate(soft), hard, np.zeros(0), np.zeros(0), hull, variation)
-        rows = np.concatenate(
-            [rests.jacobian, *(hand.jacobian(rests, scaled) for hand in self.hands), short_rows]
-        )
-        moved = shape.in_parameters(rows, hull.source) @ planes.directions
+        rows = [rests.jacobian, *(hand.jacobian(rests) for hand in self.hands), short_rows]
+        moved = shape.in_parameters(np.concatenate(rows), hull.source) @ planes.directions
         of_faces, of_hands, of_edges = np.split(moved, [len(face), len(moved) - len(short)])
-        by_hands = of_hands.reshape(len(self.hands), count, moved.shape[1])
-        by_hands = by_hands - by_hand[..., None] * by_hands.sum(axis=1, keepdims=True)
-        by_hands = by_hands / wholes[..., None]
+        of_hands = of_hands.reshape(len(self.hands), len(face), -1) if self.hands else of_hands
+        error_slopes = [(sums @ of_faces)[:-1]] if self.set_down else []
+        soft_slopes = [(share_weights / resting)[:, None] * of_faces]
+        if self.hands:
+            of_hands = of_hands * scale[:, None]
+            of_hands = of_hands - by_hand[..., None] * of_hands.sum(axis=1, keepdims=True)
+            of_hands = of_hands / wholes[:, None, None]
+            of_mean = np.tensordot(self.hand_weights, of_hands, axes=1)
+            of_sums = weights[..., None] * (sums @ of_hands)
+            soft_slopes.append(of_sums.reshape(-1, moved.shape[1]))
+            soft_slopes.append((share_weights / mean)[:, None] * of_mean)
+            error_slopes.append((sums @ of_mean)[:-1])
         pairs = len(planes.half)
         stays = np.concatenate([planes.directions[: 3 * pairs], planes.directions[6 * pairs :]])
-        soft_slopes = [
-            (share_weights / resting)[:, None] * of_faces,
-            (weights[..., None] * by_hands).reshape(of_hands.shape),
-            EDGE_WEIGHT * of_edges,
-            STAY_WEIGHT * stays,
-        ]
-        error_slopes = [(sums @ of_faces)[:-1]] if self.set_down else []
-        mean = np.tensordot(self.hand_weights, by_hands, axes=1)
-        error_slopes += [mean[:-1]] if self.hands else []
-        hard_slopes = np.concatenate(error_slopes)
-        soft_rows = np.concatenate(soft_slopes)
-        return _Terms(np.concatenate(soft), hard, soft_rows, hard_slopes, hull, variation)
+        soft_slopes += [EDGE_WEIGHT * of_edges, STAY_WEIGHT * stays]
+        return _Terms(
+            np.concatenate(soft),
+            hard,
+            np.concatenate(soft_slopes),
+            np.concatenate(error_slopes),
+            hull,
+            variation,
+        )
 
 
 def _short_edges(rests: RestEvaluation) -> tuple[Floats, Floats]:
