@@ -57,6 +57,8 @@ class Design:
     prior: of start orientations, or None for the uniform one.
     outcome_of: (f,) outcome that each face shows; None for one outcome each.
     symmetry: name of its point group, or None.
+    throw_bias: (f,) logarithms of thrown probabilities of the faces over those in the momentum
+        model, or None if they are not known.
     """
 
     status: Status
@@ -74,6 +76,7 @@ class Design:
     prior: Prior | None = None
     outcome_of: Integers | None = None
     symmetry: str | None = None
+    throw_bias: Floats | None = None
 
     def reorder(self, order: Integers) -> Design:
         """Design whose face i is face `order[i]` of this one, (f,). Rounds of throws that counted
@@ -87,7 +90,8 @@ class Design:
             replace(each, requested=permute(each.requested), frequencies=permute(each.frequencies))
             for each in self.rounds
         )
-        return replace(self, directions=self.directions[order], rounds=rounds)
+        bias = None if self.throw_bias is None else self.throw_bias[order]
+        return replace(self, directions=self.directions[order], rounds=rounds, throw_bias=bias)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,7 +53,11 @@ EVEN_SHARES = 0.05
 ODD_SHARES = 0.12
 """Cost of shares from which the starting faces have different sizes."""
 
-CODES = 3
+MAX_NEAR = 2
+"""Numbers of nearly equal faces that are tried before one face an outcome, unless more dice are
+wanted."""
+
+CODES = 2
 """Starting shapes for each number of nearly equal faces."""
 
 MAX_STRAIN = 1.0
@@ -130,10 +133,11 @@ def design_candidates(work: Work) -> Design:
 def _design_dice(work: Work, wanted: int) -> Iterator[_Die]:
     """Yield dice in the order of the rule."""
     recipe, plain = work.recipe, work.target
-    most = max(1, (wanted + 1) // 2)
+    most, is_found = max(MAX_NEAR, wanted // 2), False
     if recipe.faces == AUTO:
-        numbers = list(islice(numbers_of_equal_faces(plain.probabilities), most))
-        yield from (_of_equal_faces(plain, number) for number in numbers)
+        for number in numbers_of_equal_faces(plain.probabilities)[:most]:
+            is_found = True
+            yield _of_equal_faces(plain, number)
         near = [number for number in NUMBERS if number >= max(len(plain.labels), 6)]
     else:
         assert isinstance(recipe.faces, int)
@@ -144,18 +148,21 @@ def _design_dice(work: Work, wanted: int) -> Iterator[_Die]:
     thrown = None if recipe.purpose == "setting-down" else ThrowProbabilities.on(table)
     shares = [share_faces(plain.probabilities, number) for number in near]
     shares.sort(key=lambda one: (max(one.cost, EVEN_SHARES), len(one.outcome)))
-    left = most
-    for one in shares:
+    for one in shares[:most]:
         die = _of_near_faces(work, one, thrown)
         if die is not None:
+            is_found = True
             yield die
-            left -= 1
-        if left == 0 and wanted > 1:
-            break
     if recipe.faces == AUTO:
-        design, name = design_handsome(work), "one face an outcome"
-        # Its note would speak of a die that may not be made.
-        work.notes.pop()
+        notes = len(work.notes)
+        try:
+            design, name = design_handsome(work), "one face an outcome"
+        except NoStartError:
+            if is_found:
+                return
+            raise
+        # They would speak of a die that may not be made.
+        del work.notes[notes:]
         if design.symmetry is not None:
             name += f", symmetry {design.symmetry}"
         yield _Die(name, plain, design)
@@ -193,7 +200,7 @@ def _of_near_faces(
         if die is None or die.error > SOLVED:
             continue
         if best is None or die.strain < best.strain:
-            best, outcome_of = die, own
+            best, outcome_of, bias = die, own, code.bias
         if best.strain < MAX_STRAIN:
             break
     if best is None:
@@ -203,6 +210,8 @@ def _of_near_faces(
     target = _target(plain, outcome_of[order], (wanted / faces)[outcome_of[order]])
     step = Step(0, time.perf_counter() - started, best.strain, best.error)
     design = _design(target, best.hull, best.normals[order], step, best.evaluations)
+    if bias.any():
+        design = replace(design, throw_bias=bias[order])
     return _Die(f"{len(order)} nearly equal faces", target, design)
 
 

@@ -32,7 +32,8 @@ from dicedesign.recipe.pipeline import Work
 from dicedesign.results.parts import RoundOfThrows, Status, TableResult, ThrowForecast
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.bias import OFTEN, measure_tables
-from dicedesign.throws.momentum_model import momentum_model, table_measures
+from dicedesign.throws.momentum_model import MomentumMixture, momentum_model, table_measures
+from dicedesign.throws.momentum_probabilities import momentum_probabilities
 from dicedesign.throws.simulation import DieOnTable, ThrownDie, throwing_threads
 from dicedesign.throws.tables import mixture_tables
 
@@ -157,13 +158,28 @@ def forecast_throws(
         )
     except InputError:
         return None
-    mean, wanted = placed.momentum(mixture), target.probabilities
-    by_hand = np.abs(placed.momentum_by_table(mixture) - wanted).sum(axis=1) / 2.0
+    scale = np.ones(len(placed.poses.facets))
+    if design.throw_bias is not None:
+        face = np.argmax(placed.poses.normals @ design.directions.T, axis=1)
+        scale = np.exp(design.throw_bias[face])
+
+    def thrown(model: MomentumMixture | None) -> Floats:
+        rests = scale * momentum_probabilities(placed.poses, placed.body, model)
+        return placed.outcomes.sums(rests / rests.sum())
+
+    near = [None if mixture is None else mixture.near(table) for table in placed.tables]
+    by_hand, wanted = np.array([thrown(model) for model in near]), target.probabilities
+    mean = by_hand.mean(axis=0)
+    if mixture is not None:
+        # Few tables represent all of the mixture.
+        models = [thrown(MomentumMixture.alone(model)) for model in mixture.models]
+        mean = mixture.weights @ np.array(models)
+    off = np.abs(by_hand - wanted).sum(axis=1) / 2.0
     return ThrowForecast(
         table=name,
         probabilities=tuple(mean.tolist()),
         total_variation=float(np.abs(mean - wanted).sum()) / 2.0,
-        nine_in_ten=float(np.quantile(by_hand, OFTEN)),
+        nine_in_ten=float(np.quantile(off, OFTEN)),
     )
 
 

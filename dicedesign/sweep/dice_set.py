@@ -54,8 +54,7 @@ def set_recipes(dice: Sequence[str], style: Mapping[str, Any]) -> dict[str, Reci
         if name in recipes:
             raise RecipeError(f"{text}: expected dice that differ, got it twice; leave one out")
         with named(text):
-            entries = {"name": name, "target": parse_target(text), "numbering": "standard"}
-            recipes[name] = parse_recipe({**entries, **style})
+            recipes[name] = parse_recipe({"name": name, "target": parse_target(text), **style})
     return recipes
 
 
