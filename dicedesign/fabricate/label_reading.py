@@ -15,6 +15,7 @@ from dicedesign.errors import EngravingError
 from dicedesign.fabricate.numbering import opposite_facets
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import angle_between, norms
+from dicedesign.results.parts import READINGS
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import LEVEL_ANGLE
 
@@ -73,17 +74,7 @@ class Reading:
     @property
     def sentence(self) -> str:
         """Instruction for the reader of the die."""
-        return SENTENCES[self.way]
-
-
-SENTENCES = {
-    "down": "Lift the die and read the label on the face that was on the table.",
-    "up": "Read the label on top.",
-    "both": "Read the label on top; the face on the table has this label too.",
-    "corner": "Read the label that stands upright around the top corner.",
-    "edge": "Read the label on top, or upright beside the edge on top.",
-    "marks": "Read the label on the side that is up.",
-}
+        return READINGS[self.way]
 
 
 def die_readings(

@@ -44,10 +44,10 @@ from dicedesign.results.parts import Candidate, Status
 from dicedesign.results.result import HullCounts, Step
 from dicedesign.runtime.arrays import Floats, Integers
 
-NUMBERS = tuple(range(24, 50, 2))
-"""Numbers of nearly equal faces that are tried. With fewer the momentum model errs more."""
+NUMBERS = (24, 30, 34, 36, 38, 42, 46, 48)
+"""Numbers of nearly equal faces that are tried, those of `even_codes`."""
 
-EVEN_SHARES = 0.05
+EVEN_SHARES = 0.03
 """Cost of the shares of faces up to which the smallest number of faces comes first."""
 
 ODD_SHARES = 0.12
@@ -118,16 +118,23 @@ def design_candidates(work: Work) -> Design:
             "take one of these"
         )
     work.candidates = tuple(measured[number] for number in order)
-    work.candidate_hulls = tuple(found[number].design.hull for number in order)
-    chosen, facts = found[order[recipe.pick - 1]], work.candidates[recipe.pick - 1]
-    work.target = chosen.target
+    dice = (found[number] for number in order)
+    work.candidate_designs = tuple((die.target, die.design) for die in dice)
+    chosen = pick_candidate(work, recipe.pick, len(found))
+    work.callbacks.on_shape(chosen.hull, chosen.directions)
+    work.callbacks.on_step(chosen.steps[-1])
+    return chosen
+
+
+def pick_candidate(work: Work, pick: int, compared: int) -> Design:
+    """Return number `pick`, from 1, of the work's candidates; set the target to its faces and add a
+    note. compared: number of dice compared."""
+    facts = work.candidates[pick - 1]
+    rank = f"number {pick}" if pick > 1 else "the best"
     lacks = f"; it lacks {', '.join(facts.lacks)}" if facts.lacks else ""
-    work.notes.append(f"faces: {facts.name}, the best of {len(found)} dice compared{lacks}")
-    if recipe.pick > 1:
-        work.notes[-1] = f"faces: {facts.name}, number {recipe.pick} of {len(found)} dice{lacks}"
-    work.callbacks.on_shape(chosen.design.hull, chosen.design.directions)
-    work.callbacks.on_step(chosen.design.steps[-1])
-    return chosen.design
+    work.notes.append(f"faces: {facts.name}, {rank} of {compared} dice compared{lacks}")
+    work.target, design = work.candidate_designs[pick - 1]
+    return design
 
 
 def _design_dice(work: Work, wanted: int) -> Iterator[_Die]:

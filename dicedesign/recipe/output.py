@@ -241,5 +241,5 @@ def make_finished_die(work: Work) -> FinishedDie:
         repaired=work.repaired,
         thrown=work.thrown,
         reading=work.reading,
-        candidates=work.candidate_hulls,
+        candidates=tuple(design.hull for _, design in work.candidate_designs),
     )

@@ -41,7 +41,6 @@ from dicedesign.throws.engines import CONTACT_LAW
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import Assessment, Design, Solid
     from dicedesign.fabricate.label_reading import Reading
-    from dicedesign.geometry.hulls.hull import ConvexHull
     from dicedesign.geometry.surfaces.quality import SurfaceQuality
     from dicedesign.geometry.surfaces.repair import RepairedMesh
     from dicedesign.geometry.triangles import Surface
@@ -72,7 +71,8 @@ class Work:
     status: status of the die; remarks: phrases of the message; notes: repairs and assumptions.
     concave, search, balance, inside, throws, printability, tolerances, infill: parts of `Result`.
     forecast: expected frequencies when thrown, None if unknown. candidates: dice with different
-        numbers of faces that were compared, the best first; candidate_hulls: their shapes.
+        numbers of faces that were compared, the best first; candidate_designs: targets with their
+        faces, and designs.
     extra: plain data by name, from stages outside the package.
     resume_note: sentence on how to resume after an interrupt; empty without a checkpoint.
     images: PNG or GIF figures by name; files: contents by file name.
@@ -109,7 +109,7 @@ class Work:
     infill: InfillProbabilities | None = None
     forecast: ThrowForecast | None = None
     candidates: tuple[Candidate, ...] = ()
-    candidate_hulls: tuple[ConvexHull, ...] = ()
+    candidate_designs: tuple[tuple[Target, Design], ...] = ()
     extra: dict[str, Any] = field(default_factory=dict)
     resume_note: str = ""
     images: dict[str, bytes] = field(default_factory=dict)

@@ -314,6 +314,9 @@ def _key_paths(
 MAX_DENOMINATOR = 10_000
 """Denominator up to which a probability is written as a fraction."""
 
+SUM_ERROR = 1e-15
+"""Relative error of a sum of probabilities of faces."""
+
 
 def parse_target(text: str, labels: str | None = None) -> dict[str, Any]:
     """Parse the `target` of a recipe from the command line, without checking it.
@@ -353,6 +356,8 @@ def split_texts(key: str, text: str) -> list[str]:
 
 
 def format_probabilities(probabilities: Iterable[float]) -> str:
-    """Text of probabilities that `parse_target` reads back exactly, with short fractions."""
+    """Text of probabilities that `parse_target` reads back exactly, with short fractions, also for
+    sums of faces, whose last digit may be off."""
     pairs = [(float(p), Fraction(p).limit_denominator(MAX_DENOMINATOR)) for p in probabilities]
-    return ", ".join(str(short) if float(short) == p else repr(p) for p, short in pairs)
+    texts = (str(short) if abs(short - p) <= SUM_ERROR * p else repr(p) for p, short in pairs)
+    return ", ".join(texts)

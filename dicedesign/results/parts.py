@@ -64,6 +64,17 @@ class Status(Enum):
     TIME_LIMIT = "ran out of time"
 
 
+READINGS = {
+    "down": "Lift the die and read the label on the face that was on the table.",
+    "up": "Read the label on top.",
+    "both": "Read the label on top; the face on the table has this label too.",
+    "corner": "Read the label that stands upright around the top corner.",
+    "edge": "Read the label on top, or upright beside the edge on top.",
+    "marks": "Read the label on the side that is up.",
+}
+"""Instructions for the reader of a die, by the way to read it."""
+
+
 @dataclass(frozen=True)
 class Repair:
     """Repaired surface of one solid, compared with the original triangles.

@@ -16,6 +16,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.parts import (
+    READINGS,
     Candidate,
     Concave,
     Numbers,
@@ -324,10 +325,13 @@ class Result:
         """HTML of a solid, the die, beside a table of its outcomes."""
         from dicedesign.notebook import solid_and_table
 
+        # A facet has the color of the label on it.
+        is_read_on_top = self.engraved is not None and self.engraved.reading == READINGS["up"]
+        normals = np.array([facet.normal for facet in self.facets])
         percents = [map("{:.4%}".format, values) for values in (self.probabilities, self.target)]
         return solid_and_table(
             solid,
-            np.array([facet.normal for facet in self.facets]),
+            -normals if is_read_on_top else normals,
             [[*self.labels, facet.outcome].index(facet.outcome) for facet in self.facets],
             self.message,
             ("outcome", "probability", "target"),

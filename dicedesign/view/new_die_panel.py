@@ -7,8 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from dicedesign.errors import DiceError, InputError
 from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes
 from dicedesign.geometry.hulls.hull import ConvexHull
@@ -17,16 +15,16 @@ from dicedesign.optimize.options import legible
 from dicedesign.optimize.preferences import Preferences
 from dicedesign.optimize.starts.start import FEWEST_FACETS, STARTS, StartKind
 from dicedesign.palette import BASINS
+from dicedesign.recipe.candidates import pick_candidate
 from dicedesign.recipe.output import die_contents
 from dicedesign.recipe.pipeline import Callbacks, Work, run_stages
 from dicedesign.recipe.reading import format_probabilities, parse_recipe, parse_target, recipe_text
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.poses import analyze
-from dicedesign.results.parts import Status
-from dicedesign.results.result import Step
+from dicedesign.results.result import Result, Step
 from dicedesign.runtime.arrays import Floats
 from dicedesign.view.page import Job, Page, html_part
-from dicedesign.view.viewed_body import ViewedBody, outcomes_of
+from dicedesign.view.viewed_body import Outcomes, ViewedBody, outcomes_of
 from dicedesign.view.viewport import Viewport
 
 if TYPE_CHECKING:
@@ -50,6 +48,18 @@ PRESETS = {
 OWN = "Your own"
 """Title in the menu of fields that no preset has."""
 
+FACES = ("auto", "one an outcome", *(str(faces) for faces in range(6, 62, 2)))
+"""Choices of the number of faces."""
+
+PURPOSES = {
+    "throwing and setting down": "both",
+    "throwing": "throwing",
+    "setting down": "setting-down",
+}
+
+COMPARED = 4
+"""Dice that are compared on request."""
+
 METHODS = {"exact": "exact", "the paper's descent": "paper"}
 
 DEFAULT_START = "default of the method"
@@ -60,6 +70,16 @@ MIN_SLIDER_RANGE = 2.0
 STEP_SECONDS = 1.0 / 30.0
 """Least duration of a step, so that it can be seen."""
 
+LAST_ORDER = 1e6
+"""Place below all other elements of a tab."""
+
+
+def verdict_of(result: Result) -> tuple[str, str]:
+    """First line of the verdict, all of it if the die failed, and the style of its color."""
+    if not result.converged:
+        return result.message, "wrong"
+    return result.message.splitlines()[0], "warned" if result.is_warned else "right"
+
 
 class OptionControls:
     """Fields of optional settings, which the next design reads."""
@@ -67,7 +87,14 @@ class OptionControls:
     def __init__(self, page: Page) -> None:
         gui = page.gui
         starts = [kind.name for kind in STARTS if _works_without_options(kind)]
-        with gui.add_folder("More", expand_by_default=False):
+        self._faces = gui.add_dropdown(
+            "Faces",
+            FACES,
+            hint="auto: several an outcome where that makes a better die; one an outcome with a "
+            "method, start or preferences of your own",
+        )
+        self._purpose = gui.add_dropdown("For", tuple(PURPOSES), hint="where it shall be right")
+        with gui.add_folder("More", order=LAST_ORDER, expand_by_default=False):
             self._seed = gui.add_text("Seed", "0", hint="another seed gives another shape")
             self._method = gui.add_dropdown(
                 "Method",
@@ -85,7 +112,7 @@ class OptionControls:
                         name.replace("_", " "), 0.0, largest, 0.01, value, hint=number.line
                     )
 
-    def recipe(self, target: dict[str, Any]) -> Recipe:
+    def recipe(self, target: dict[str, Any], candidates: int = 1) -> Recipe:
         """Recipe of a target with these options. Raises RecipeError: an entry cannot be used."""
         seed, method = self._seed.value.strip(), METHODS[self._method.value]
         prefer = {name: float(slider.value) for name, slider in self._prefer.items()}
@@ -95,7 +122,12 @@ class OptionControls:
             "seed": int(seed) if seed.isdecimal() else seed,
             "target": target,
             "method": {method: {"prefer": prefer}},
+            "purpose": PURPOSES[self._purpose.value],
+            "candidates": candidates,
         }
+        faces = self._faces.value
+        if faces != "auto":
+            entries["faces"] = int(faces) if faces.isdecimal() else "one"
         if self._start.value != DEFAULT_START:
             entries["start"] = {self._start.value: {}}
         elif method == "paper":
@@ -123,10 +155,11 @@ def finish_die(
     engrave: bool = True,
     on_stage: Callable[[str], None] = lambda name: None,
 ) -> Work:
-    """Run the stages after a design, without files on disk.
+    """Run the stages after the numbering of a design, without files on disk.
 
     Parameters
     ----------
+    design: stays as it is.
     size_mm: largest distance between two corners; None is 30, or more if the labels need it.
     engrave: engrave the labels.
     on_stage: called with the name of each stage at its start.
@@ -136,11 +169,10 @@ def finish_die(
     entries = design.recipe.as_dict() | {"engrave": engrave}
     if size_mm is not None:
         entries["size_mm"] = size_mm
-    work = Work(
-        parse_recipe(entries), callbacks=Callbacks(on_stage=on_stage), enlarge=size_mm is None
-    )
-    work.die = design.die
-    run_stages(work, after="design", last="throws")
+    work = design.copy()
+    work.recipe, work.enlarge = parse_recipe(entries), size_mm is None
+    work.callbacks = Callbacks(on_stage=on_stage)
+    run_stages(work, after="numbering", last="throws")
     return work
 
 
@@ -218,7 +250,8 @@ class DownloadControls:
         def on_done(finished: Work) -> None:
             if self._design is design:
                 self._finished = key, finished
-                self._table.content = html_part("printed", finished, finished.result())
+                result = finished.result()
+                self._table.content = html_part("printed", finished, result, *verdict_of(result))
                 self._on_printable(finished)
             self._send(client, file, finished)
 
@@ -260,6 +293,7 @@ class NewDiePanel:
     def __init__(self, viewport: Viewport, *, begins: bool = False) -> None:
         self._viewport, page = viewport, viewport.page
         self._job: Job | None = None
+        self._compared: Work | None = None
         self._shape_body: ViewedBody | None = None
         self._panel_body: ViewedBody | None = None
         probabilities, labels = next(iter(PRESETS.values()))
@@ -272,16 +306,23 @@ class NewDiePanel:
         self._labels: Any = page.gui.add_text(
             "Labels", labels, hint="one for each, commas between them; empty: 1, 2, ..."
         )
+        self._options = OptionControls(page)
         self._target_error = page.gui.add_html("")
         design = page.gui.add_button("Design", color="blue")
         reset = page.gui.add_button("Reset", hint="discard this die")
-        self._state = page.gui.add_html("")
+        self._state, self._candidates = page.gui.add_html(""), page.gui.add_html("")
+        self._compare = page.gui.add_button(
+            "Compare others",
+            visible=False,
+            hint="design dice with other numbers of faces, and list them",
+        )
         self._downloads = DownloadControls(page, self._show_printable)
-        self._options = OptionControls(page)
         self._preset.on_update(lambda event: page.enqueue(lambda: self._choose(event), "preset"))
         for text in (self._probabilities, self._labels):
             text.on_update(lambda _: page.enqueue(self._read_recipe, "target"))
         design.on_click(lambda _: page.enqueue(self._design))
+        self._compare.on_click(lambda _: page.enqueue(lambda: self._design(COMPARED)))
+        page.on_action("pick", self._pick)
         reset.on_click(lambda _: page.enqueue(self._reset))
         viewport.on_show.append(self._copy_target)
         if begins:
@@ -301,38 +342,32 @@ class NewDiePanel:
         """Fill the fields with the target of another die in view."""
         outcomes = viewed.outcomes
         if viewed is not self._panel_body and outcomes is not None and outcomes.target is not None:
-            shares, labels = outcomes.target, outcomes.labels
-            if outcomes.outcome_of is not None:
-                faces = outcomes.outcome_of
-                shares = (shares / np.bincount(faces))[faces]
-                labels = tuple(labels[outcome] for outcome in faces.tolist())
-            quoted = (f'"{label}"' if "," in label else label for label in labels)
-            self._fill(format_probabilities(shares.tolist()), ", ".join(quoted))
+            quoted = (f'"{label}"' if "," in label else label for label in outcomes.labels)
+            self._fill(format_probabilities(outcomes.target.tolist()), ", ".join(quoted))
 
-    def _read_recipe(self) -> Recipe | None:
+    def _read_recipe(self, candidates: int = 1) -> Recipe | None:
         """Read the fields; return None and show the error if they are not valid."""
         fields = self._probabilities.value, self._labels.value
         self._preset.value = next((name for name in PRESETS if PRESETS[name] == fields), OWN)
         try:
             labels = self._labels.value.strip()
-            recipe = self._options.recipe(parse_target(self._probabilities.value, labels or None))
+            target = parse_target(self._probabilities.value, labels or None)
+            recipe = self._options.recipe(target, candidates)
         except DiceError as error:
             self._target_error.content = html_part("sentence", "target-error", str(error), True)
             return None
         self._target_error.content = ""
         return recipe
 
-    def _design(self) -> None:
+    def _design(self, candidates: int = 1) -> None:
         """Design the die of the fields, in place of the current one."""
-        recipe = self._read_recipe()
+        recipe = self._read_recipe(candidates)
         if recipe is None:
             return
-        self._reset()
-        page = self._viewport.page
 
-        def work(job: Job) -> Work:
+        def design(job: Job) -> Work:
             starts, steps = 1, 0
-            shape: tuple[ConvexHull, Floats] | None = None
+            shape: tuple[ConvexHull, Outcomes] | None = None
 
             def on_start(number: int) -> None:
                 nonlocal starts
@@ -341,7 +376,7 @@ class NewDiePanel:
 
             def on_shape(hull: ConvexHull, directions: Floats) -> None:
                 nonlocal shape
-                shape = hull, directions
+                shape = hull, outcomes_of(work, directions)
 
             def on_step(_: Step) -> None:
                 nonlocal steps
@@ -350,72 +385,111 @@ class NewDiePanel:
                 if shape is not None:
                     facts = ["designing", *([f"starting shape {starts}"] if starts > 1 else [])]
                     facts.append(f"step {steps}")
-                    show = partial(self._show, job, "running", facts, recipe, *shape)
-                    page.enqueue(show, "design")
+                    page.enqueue(partial(self._show, job, facts, *shape), "design")
                 time.sleep(STEP_SECONDS)
 
-            callbacks = Callbacks(on_start=on_start, on_shape=on_shape, on_step=on_step)
-            work = Work(recipe, callbacks=callbacks)
+            def on_part(done: int, whole: int, unit: str) -> None:
+                job.progress(f"designing: {done} of {whole} {unit}")
+
+            callbacks = Callbacks(
+                on_start=on_start, on_shape=on_shape, on_step=on_step, on_part=on_part
+            )
+            work = Work(recipe, callbacks=callbacks, enlarge=True)
             run_stages(work, last="design")
             return work
 
-        def on_done(done: Work) -> None:
-            is_right = done.die.status is Status.CONVERGED
-            facts = ["done" if is_right else done.die.status.value]
+        page = self._viewport.page
+        self._start(design)
+
+    def _pick(self, index: int) -> None:
+        """Take another of the compared dice."""
+        compared = self._compared
+        if compared is None or index >= len(compared.candidates):
+            return
+        work = compared.copy()
+        work.recipe = work.recipe.model_copy(update={"pick": index + 1})
+        work.callbacks = Callbacks()
+        # The note on the die taken before.
+        work.notes.pop()
+        work.die = pick_candidate(work, index + 1, len(work.candidates))
+        self._start(lambda _: work)
+
+    def _start(self, design: Callable[[Job], Work]) -> None:
+        """Start a job that designs a die up to its numbering, in place of the current one."""
+        self._reset()
+
+        def work(job: Job) -> tuple[Work, Work, Result]:
+            compared = design(job)
+            numbered = compared.copy()
+            run_stages(numbered, after="design", last="numbering")
+            plain = numbered.copy()
+            run_stages(plain, after="size", last="check")
+            run_stages(plain, after="inside", last="forecast")
+            return compared, numbered, plain.result()
+
+        def on_done(done: tuple[Work, Work, Result]) -> None:
+            self._compared, numbered, result = done
             # The best die may come from an earlier step.
-            self._show(job, "done", facts, recipe, done.die.hull, done.die.directions)
-            self._downloads.offer(done)
+            outcomes = outcomes_of(numbered, numbered.die.directions)
+            self._show(job, [], numbered.die.hull, outcomes, result)
+            pick = numbered.recipe.pick
+            self._candidates.content = html_part("candidates", result.candidates, pick)
+            self._compare.visible = len(result.candidates) == 1
+            self._downloads.offer(numbered)
 
         def on_error(error: Exception) -> None:
-            self._state.content = html_part("design", "failed", [str(error)], True)
+            self._state.content = html_part("design", "failed", str(error), "wrong")
             if not isinstance(error, DiceError):
                 raise error
 
-        self._state.content = html_part("design", "running", ["designing"], False)
-        self._job = job = page.start(work, on_done, on_error)
+        self._state.content = html_part("design", "running", "designing", "note")
+        self._job = job = self._viewport.page.start(work, on_done, on_error)
 
     def _reset(self) -> None:
         if self._job is not None:
             self._job.stop()
-        self._job, self._shape_body, self._state.content = None, None, ""
+        self._job, self._compared, self._shape_body = None, None, None
+        self._state.content, self._candidates.content, self._compare.visible = "", "", False
         self._downloads.offer(None)
 
     def _show(
         self,
         job: Job,
-        state: str,
         facts: list[str],
-        recipe: Recipe,
         hull: ConvexHull,
-        directions: Floats,
+        outcomes: Outcomes,
+        result: Result | None = None,
     ) -> None:
-        """Show the shape and the progress of a job, unless another one has begun."""
+        """Show the shape and the progress of a job, or its result, unless another one has begun."""
         if job is not self._job:
             return
-        target = recipe.target.target()
         body = ViewedBody.of(
             make_body(hull.vertices, name="new die"),
-            outcomes=outcomes_of(target, directions),
+            outcomes=outcomes,
             poses=analyze(hull, hull.centroid, "uniform solid"),
         )
         errors = [abs(row.probability - (row.target or 0.0)) for row in body.rows]
-        facts = [*facts, f"the probabilities are right to {html_part('accuracy', max(errors))}"]
-        is_error = state == "done" and facts[0] != "done"
-        self._state.content = html_part("design", state, facts, is_error, body.rows, BASINS)
+        text = "; ".join([*facts, f"right to {html_part('accuracy', max(errors))}"])
+        state, style = "running", "note"
+        if result is not None:
+            text, style = verdict_of(result)
+            state = "done"
+        self._state.content = html_part("design", state, text, style, body.rows, BASINS)
         was_in_view = self._viewport.viewed is self._shape_body
         self._shape_body = self._panel_body = body
         if was_in_view:
             self._viewport.update(body)
         else:
             self._viewport.show(body)
-        rest = body.rows[int(target.probabilities.argmax())].rest
+        assert outcomes.target is not None
+        rest = body.rows[int(outcomes.target.argmax())].rest
         self._viewport.put(body.poses.transforms[max(rest, 0)])
 
     def _show_printable(self, work: Work) -> None:
         """Show the die with its labels."""
         self._panel_body = ViewedBody.of(
             body_of(work.finished, work.recipe.name),
-            outcomes=outcomes_of(work.target, work.die.directions),
+            outcomes=outcomes_of(work, work.die.directions),
             poses=work.final.poses,
         )
         self._viewport.show(self._panel_body)

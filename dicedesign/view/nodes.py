@@ -55,7 +55,7 @@ DOT_SIZE = 0.036
 
 LINE_WIDTH = 0.01
 
-MAX_LABELS = 24
+MAX_LABELS = 60
 
 COLORS = np.rint(255.0 * rgb(BASINS)).astype(np.uint8)
 """(20, 3) colors of rows, 0 to 255; they repeat after the last."""
@@ -168,8 +168,10 @@ class Sphere:
         """Show the basins and the Morse-Smale complex of a body."""
         poses = viewed.poses
         colors = COLORS[_color_of_rest(viewed)]
-        if self._hull is not poses.hull:
-            self._hull, self._lowest = poses.hull, lowest_corners(poses.hull, DIRECTIONS)
+        # Flow lines follow this hull, which may have other corners than `poses.hull`.
+        hull = poses.morse.equilibria.hull
+        if self._hull is not hull:
+            self._hull, self._lowest = hull, lowest_corners(hull, DIRECTIONS)
         self._dots.colors = colors[basin_of_directions(poses, DIRECTIONS, self._lowest)]
         self._arcs.points = 1.02 * SPHERE_RADIUS * arc_segments(poses.morse.polylines)
         for kind, node in self._points.items():
@@ -301,8 +303,8 @@ class BodyNodes:
         if self._edges.visible:
             self._edges.points = points[np.stack([hull.tail, hull.head], axis=1)]
         self._center.position = frame.to_scene(viewed.center)
-        # Resting facets have the colors of their basins.
-        facets, colors = viewed.poses.facets, _color_of_rest(viewed)
+        # Facets have the colors of the basins for which they are labeled.
+        facets, colors = viewed.labeled_facets, _color_of_rest(viewed)
         for color, node in enumerate(self._rests):
             colored_facets = facets[colors == color].tolist()
             node.visible = len(colored_facets) > 0
@@ -324,9 +326,9 @@ class BodyNodes:
         # Engraved labels stay visible.
         has_engraving = viewed.outcomes is not None and self._mesh.visible
         self._labels.show(
-            (label, points[facet_vertices(hull, facets[rest])].mean(axis=0) + 0.03 * normal)
+            (label, points[facet_vertices(hull, facet)].mean(axis=0) + 0.03 * hull.normals[facet])
             for label, rest in viewed.labeled_rests[: 0 if has_engraving else MAX_LABELS]
-            for normal in [viewed.poses.normals[rest]]
+            for facet in [facets[rest]]
         )
 
 

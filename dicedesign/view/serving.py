@@ -108,6 +108,9 @@ _STYLE = f"""
 .dd p {{ margin: 2px 0; }}
 .dd .note {{ color: {FAINT}; }}
 .dd .wrong {{ color: #9b2226; font-weight: 600; }}
+.dd .warned {{ color: #946200; font-weight: 600; }}
+.dd .right {{ color: #2b6a3f; }}
+.dd #candidates td:first-child {{ white-space: normal; }}
 .dd table {{ border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }}
 .dd th {{ color: {FAINT}; font-weight: 400; text-align: right; padding: 1px 3px; }}
 .dd td {{ padding: 1px 3px; text-align: right; white-space: nowrap; }}

@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from dicedesign.errors import InputError
+from dicedesign.fabricate.numbering import opposite_facets
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.optimize.targets import Target
+from dicedesign.recipe.pipeline import Work
 from dicedesign.rest.outcomes import OutcomeProbabilities, outcome_probabilities
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.prior import Prior
@@ -95,6 +96,7 @@ class Outcomes:
     target: (k,) target probabilities, or None.
     prior: distribution of the orientation at release; None is uniform.
     outcome_of: (f,) outcome that each face shows; None for one outcome each.
+    is_read_on_top: whether labels are on top where each has a level facet there.
     """
 
     labels: tuple[str, ...]
@@ -102,12 +104,23 @@ class Outcomes:
     target: Floats | None = None
     prior: Prior | str | None = None
     outcome_of: Integers | None = None
+    is_read_on_top: bool = True
 
 
-def outcomes_of(target: Target, directions: Floats, prior: Prior | None = None) -> Outcomes:
-    """Outcomes of a design, with directions (f, 3) of the faces in the order of the target."""
-    wanted = target.probabilities
-    return Outcomes(target.labels, directions, wanted, prior, target.outcome_of_face)
+def outcomes_of(work: Work, directions: Floats) -> Outcomes:
+    """Outcomes of a design, with directions (f, 3) of the faces in the order of its target."""
+    recipe, target = work.recipe, work.target
+    way: str = "auto" if recipe.engrave is None else recipe.engrave.read
+    if work.reading is not None:
+        way = work.reading.way
+    return Outcomes(
+        target.labels,
+        directions,
+        target.probabilities,
+        recipe.prior,
+        target.outcome_of_face,
+        recipe.method.concave is None and way in ("auto", "up"),
+    )
 
 
 @dataclass(frozen=True)
@@ -268,6 +281,18 @@ class ViewedBody:
         pairs = zip(faces, self._outcome_probabilities.main.tolist(), strict=True)
         found = [(self.outcomes.labels[outcome], rest) for outcome, rest in pairs if rest >= 0]
         return tuple(sorted(found, key=lambda pair: pair[1]))
+
+    @cached_property
+    def labeled_facets(self) -> Integers:
+        """(r,) facet with the label of each rest: the resting facet, or that on top of it if the
+        die is read there."""
+        facets = self.poses.facets
+        if self.outcomes is None or not self.outcomes.is_read_on_top:
+            return facets
+        tops = opposite_facets(self.hull, facets)
+        labeled = tops[[rest for _, rest in self.labeled_rests]]
+        is_on_top = (labeled >= 0).all() and len(np.unique(labeled)) == len(labeled)
+        return np.where(tops >= 0, tops, facets) if is_on_top else facets
 
     @cached_property
     def rigid(self) -> RigidBody:

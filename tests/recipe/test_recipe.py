@@ -328,4 +328,4 @@ def test_probabilities_are_written_to_the_last_bit() -> None:
     for probabilities in ([k / 21.0 for k in range(1, 7)], drawn, [1e-9, 1.0 - 1e-9]):
         text = format_probabilities(probabilities)
         assert TargetRecipe.model_validate(parse_target(text)).probabilities == probabilities
-    assert format_probabilities([1 / 2, 1 / 3, 1 / 6]) == "1/2, 1/3, 1/6"
+    assert format_probabilities([1 / 2, 1 / 3, 0.13888888888888887]) == "1/2, 1/3, 5/36"

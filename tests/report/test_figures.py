@@ -102,9 +102,11 @@ def test_poses_show_their_hull_and_probabilities() -> None:
 
 def test_a_result_without_files_shows_its_table_alone() -> None:
     target = {"fair": 3, "labels": ["<b>", "two", "three"]}
-    die = dd.design(target, start="prism")
+    die = dd.design(target)
     html = die.result._repr_html_()
     assert cells(html)[::3] == ["<b>", "two", "three"]
+    assert cells(html)[1::3] == ["33.3333%"] * 3
+    assert len(die.result.facets) == 6
     assert "<iframe" not in html
     assert "<iframe" in die._repr_html_()
     assert replace(die.result, folder=Path("nowhere"))._repr_html_() == html

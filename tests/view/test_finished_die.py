@@ -22,23 +22,29 @@ COIN = {"probabilities": ["1/2", "1/3", "1/6"], "labels": ["heads", "tails", "ed
 
 def design(**entries: Any) -> Work:
     work = Work(parse_recipe({"target": COIN, "name": "coin", **entries}))
-    run_stages(work, last="design")
+    run_stages(work, last="numbering")
     return work
 
 
-@pytest.mark.parametrize("method", ["exact", "paper"])
+@pytest.mark.parametrize(
+    ("entries", "rests"),
+    [
+        ({}, [1 / 6] * 6),
+        ({"faces": "one"}, [1 / 2, 1 / 3, 1 / 6]),
+        ({"method": "paper", "start": {"prism": {}}}, [1 / 2, 1 / 3, 1 / 6]),
+    ],
+)
 def test_files_have_the_probabilities_and_the_recipe_makes_them_again(
-    tmp_path: Path, method: str
+    tmp_path: Path, entries: dict[str, Any], rests: list[float]
 ) -> None:
-    start = {"start": {"prism": {}}} if method == "paper" else {}
-    die = finish_die(design(method=method, **start))
+    die = finish_die(design(**entries))
     assert die.status is Status.CONVERGED
     for ending in ("stl", "3mf", "obj"):
         name, data = die_file(die, ending)
         assert name == f"coin.{ending}"
         (tmp_path / name).write_bytes(data)
         poses = rest_poses(read_body(tmp_path / name))
-        np.testing.assert_allclose(poses.probabilities, [1 / 2, 1 / 3, 1 / 6], atol=1e-6)
+        np.testing.assert_allclose(poses.probabilities, rests, atol=1e-6)
     name, data = die_file(die, "yaml")
     (tmp_path / name).write_bytes(data)
     run(tmp_path / name, tmp_path / "again", changes=["figures=false", "report=false"])
