@@ -44,7 +44,7 @@ def test_outcomes_have_the_target_set_down_and_thrown(
     assert np.abs(np.bincount(outcome[face], poses.probabilities) - target).max() < 1e-9
     corrected = np.bincount(outcome[face], thrown * np.exp(code.bias[face]))
     # The solver scales them to a sum of 1 in each hand, not in the mean.
-    assert np.abs(corrected / corrected.sum() - target).max() < (1e-7 if is_even else 1e-9)
+    assert np.abs(corrected / corrected.sum() - target).max() < (1e-6 if is_even else 1e-9)
     # Single faces differ, so that these are two conditions.
     assert np.abs(thrown - poses.probabilities).max() > 1e-4
     np.testing.assert_allclose(die.normals[: faces // 2], -die.normals[faces // 2 :])
