@@ -2,9 +2,9 @@
 
 For each number of faces, take the code of the most even probabilities among thirty starts, without
 short edges if there is one, and throw it onto the tables and hands of board-game. Faces with the
-same probabilities by both models are images of each other, so that they count together. Off is the total variation of the faces' thrown
-probabilities from the momentum model, and corrected from the model with its bias, on fresh throws;
-chance is its mean for exact probabilities.
+same probabilities by both models are images of each other, so that they count together. Off is the
+total variation of the faces' thrown probabilities from the momentum model, and corrected from the
+model with its bias, on fresh throws; chance is its mean for exact probabilities.
 
 --to writes the codes with their bias, which starting shapes of dice take from
 dicedesign/optimize/starts/codes.json.

@@ -125,25 +125,22 @@ class DesignArguments(WithItem, WithResults):
     Writes the engraved die, its recipe, result.json and a report.
 
     Options:
-    text (TARGET): dice such as d7, 2d6+1, 4d6kh3, d% or 4dF; probabilities such as 1/2,1/3,1/6 or
-        50%,30%,20%; weights such as 1:2:3; or a recipe's, such as 'binomial: 4'
+    text (TARGET): dice such as d7, 2d6+1, 4d6kh3, d% or 4dF; probabilities such as 50%,30%,1/5;
+        weights such as 1:2:3; or a recipe's, such as 'binomial: 4'
     target (TEXT): same as TARGET
-    labels (a,b,...): a label for each probability; equal ones are one outcome (default: 1,2,...;
-        none on a mesh)
+    labels (a,b,...): of the probabilities; equal ones are one outcome (default: 1,2,...)
     icons (a=SVG,...): pictures in place of labels, such as 6=skull.svg
     pips: dots in place of numbers
     font (NAME): installed font of the labels, or a .ttf or .otf file
     edges (X|chamfer): round them with a radius of X mm, or cut them flat
-    mesh (FILE): bend this closed surface (OBJ, STL, ...) into a die, as little as possible
+    mesh (FILE): bend this closed surface into a die, as little as possible
     repair: repair the mesh first if it is not a closed surface of one solid
-    name (NAME): name of the die, whose folder has dashes for spaces (default: die)
+    name (NAME): name of the die and, with dashes, its folder (default: die)
     seed (N): random seed; another gives another shape (default: 0)
-    size_mm (X): largest distance between two corners, such as 25 or 1.2in (default: 30, enlarged if
-        the labels need it)
-    faces (auto|one|N): number of faces: the best of many dice, one an outcome, or an even number
-        (default: auto)
-    for_ (both|throwing|setting-down): what the die is for (default: both)
-    table (NAME|FILE.json): table that it is thrown onto (default: board-game)
+    size_mm (X): largest diagonal, as 25 or 1.2in (default: 30, more if labels need it)
+    faces (auto|one|N): number of faces: the best, one an outcome, or N (default: auto)
+    for_ (PURPOSE): throwing, setting-down or both (default: both)
+    table (NAME): table or its .json file (default: board-game)
     candidates (N): compare so many dice, in a table and a picture (default: 1)
     pick (K): make number K of them instead of the best
 
