@@ -47,7 +47,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 NUMBERS = (24, 30, 34, 36, 38, 42, 46, 48)
 """Numbers of nearly equal faces that are tried, those of `even_codes`."""
 
-EVEN_SHARES = 0.03
+EVEN_SHARES = 0.015
 """Cost of the shares of faces up to which the smallest number of faces comes first."""
 
 ODD_SHARES = 0.12
@@ -60,7 +60,7 @@ wanted."""
 CODES = 2
 """Starting shapes for each number of nearly equal faces."""
 
-MAX_STRAIN = 1.0
+MAX_STRAIN = 1.5
 """Strain up to which no further starting shape is tried."""
 
 SOLVED = 1e-9

@@ -44,7 +44,11 @@ RING_HEIGHT = math.sqrt(0.5)
 and double pyramids have the least area around a sphere, for any number of faces."""
 
 MOST_RING_FACES = 28
-"""Most faces of a trapezohedron or a double pyramid. With more they are too narrow for labels."""
+"""Most faces of a trapezohedron or a double pyramid. With more they are narrow, and other bodies
+have more room for labels."""
+
+MOST_DOUBLED_FACES = 46
+"""Most of a trapezohedron that has two for each outcome, which no other body makes as right."""
 
 
 WHOLE = 1e-9
@@ -76,7 +80,7 @@ def equal_faces_body(faces: int) -> EqualFaces | None:
         images = unit_vectors(np.array(normal)) @ point_group(known).transpose(0, 2, 1)
         _, first = np.unique(images.round(6) + 0.0, axis=0, return_index=True)
         return EqualFaces(name, known, images[np.sort(first)])
-    if faces % 2 or not 6 < faces <= MOST_RING_FACES:
+    if faces % 2 or not 6 < faces <= MOST_DOUBLED_FACES:
         return None
     sides = faces // 2
     # Opposite faces are parallel: the rings are turned against each other if their number is odd.
@@ -95,7 +99,10 @@ def numbers_of_equal_faces(probabilities: Floats) -> list[int]:
     """Numbers of equal faces of which each outcome has a whole number, and for which there is a
     solid, ascending. A tetrahedron is for four outcomes only. probabilities: (k,)."""
     fitting = list[int]()
-    for faces in sorted({*range(8, MOST_RING_FACES + 1, 2), *SEVERAL_AXES}):
+    doubled, rings = 2 * len(probabilities), {*range(8, MOST_RING_FACES + 1, 2)}
+    if doubled <= MOST_DOUBLED_FACES and np.ptp(probabilities) < WHOLE:
+        rings.add(doubled)
+    for faces in sorted(rings | SEVERAL_AXES.keys()):
         parts = probabilities * faces
         is_whole = np.abs(parts - parts.round()).max() < WHOLE and parts.min() > 0.5
         if is_whole and (faces > 4 or len(probabilities) == faces):
