@@ -96,7 +96,9 @@ def _finish_convex(work: Work) -> None:
         labels = work.target.face_labels
         work.reading, placements = place_on_facets(solid, core, labels, options)
         is_plain = (options.style, options.balance) == ("engraved", "shape")
-        can_be_even = is_plain and work.die.symmetry is not None and given is None
+        # Moved facets would split corners of many edges, and change thrown probabilities.
+        is_special = work.die.symmetry is not None or len(work.candidates) > 0
+        can_be_even = is_plain and is_special and given is None
     if can_be_even and edges is None:
         placements = _even_pockets(work, placements)
     finish = ConvexObject(options, edges, None if given is None else given - core.centroid)
@@ -169,9 +171,10 @@ def _even_pockets(work: Work, placements: list[Placement]) -> list[Placement]:
         shown = min(depth, printing.selected_printer.groove_depth_mm)
     if least < shown:
         return placements
+    symmetry = work.die.symmetry
     work.notes.append(
-        f"labels are {least:.2g} to {depth:.2g} mm deep, so that the probabilities and the "
-        f"symmetry {work.die.symmetry} stay as they are"
+        f"labels are {least:.2g} to {depth:.2g} mm deep, so that the probabilities "
+        f"{'' if symmetry is None else f'and the symmetry {symmetry} '}stay as they are"
     )
     return even
 

@@ -23,11 +23,16 @@ from dicedesign.geometry.meshes.body import (
 from dicedesign.geometry.meshes.parts import loose_part_notes
 from dicedesign.geometry.sphere import angle_between, turns_down, unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.rest.basins import Basins, merged_rests, rest_basins
+from dicedesign.rest.basins import Basins, find_basins, merged_rests, rest_basins
 from dicedesign.rest.equilibria import Equilibria
 from dicedesign.rest.tracing import trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.tolerances import CLOSURE_TOLERANCE, NOTED_ROUNDING, VOLUME_TOLERANCE
+from dicedesign.tolerances import (
+    CLOSURE_TOLERANCE,
+    NOTED_ROUNDING,
+    VOLUME_TOLERANCE,
+    WARP_TOLERANCE,
+)
 
 if TYPE_CHECKING:
     from dicedesign.rest.prior import Prior
@@ -250,6 +255,9 @@ class RestPoses:
         divides = basins[:, 0] != basins[:, 1]
         unit = unit_vectors(side.points[np.repeat(divides, 2)])
         radii, finer = side.equilibria.radii, self.hull.finer
+        facet = np.arange(len(self.hull.normals))
+        if finer is not None and side.equilibria.hull is not self.hull:
+            facet = finer.facet
         return MorseComplex(
             minima=self.normals,
             saddles=unit[::2, 0],
@@ -259,8 +267,20 @@ class RestPoses:
             # A balance that no basin depends on must not stop bodies from rolling.
             equilibria=replace(side.equilibria, tie_distance=0.0),
             rest_facets=self.facets,
-            facet=np.arange(len(self.hull.normals)) if finer is None else finer.facet,
+            facet=facet,
         )
+
+    def with_flat_facets(self) -> RestPoses:
+        """These rests with the basins of the hull as it is shown, whose facets are flat; or as they
+        are, where that hull has other rests or is warped. What looks at edges, as models and
+        simulations of throws, takes bends by the rounding of a file for ridges."""
+        hull = self.hull
+        if hull.finer is None or hull.warp > WARP_TOLERANCE:
+            return self
+        flat = find_basins(hull, self.center_of_mass)
+        rests = np.concatenate([side.paths.rests for side in flat])
+        is_same = np.array_equal(np.unique(rests), np.sort(self.facets))
+        return replace(self, basins=flat) if is_same and flat[0].equilibria.hull is hull else self
 
     @cached_property
     def transforms(self) -> Floats:

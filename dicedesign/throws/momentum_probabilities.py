@@ -25,7 +25,6 @@ from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.meshes.body import Body, body_of
 from dicedesign.geometry.triangles import Surface
 from dicedesign.kernels import ops as kernels
-from dicedesign.rest.basins import find_basins
 from dicedesign.rest.morse import Separatrices
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
@@ -41,7 +40,7 @@ from dicedesign.throws.momentum_model import (
 )
 from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.transition_features import Features, Transitions, body_features
-from dicedesign.tolerances import ROUNDING, WARP_TOLERANCE
+from dicedesign.tolerances import ROUNDING
 
 
 def landing_probabilities(
@@ -176,13 +175,8 @@ def thrown_probabilities(
         )
     if mixture is None or len(poses.facets) == 1:
         return poses.probabilities
-    # The model was learned from bodies with flat facets, and takes bends for ridges.
-    sides = poses.basins
-    if poses.hull.finer is not None and poses.hull.warp <= WARP_TOLERANCE:
-        merged = find_basins(poses.hull, poses.center_of_mass)
-        rests = np.concatenate([side.paths.rests for side in merged])
-        if merged[0].equilibria.hull is poses.hull and np.isin(rests, poses.facets).all():
-            sides = merged
+    # The model was learned from bodies with flat facets.
+    sides = poses.with_flat_facets().basins
     of_sides = []
     for side in sides:
         hull, center = side.equilibria.hull, side.equilibria.center_of_mass

@@ -91,7 +91,7 @@ def rigid_body(
     """
     body = body_of(points_or_mesh)
     poses = poses or rest_poses(body)
-    center, morse = poses.center_of_mass, poses.morse
+    center, morse = poses.center_of_mass, poses.with_flat_facets().morse
     hull = morse.equilibria.hull
     arms = hull.vertices - center
     radius = float(np.linalg.norm(arms, axis=1).max())
