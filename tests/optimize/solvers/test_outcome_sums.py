@@ -62,8 +62,8 @@ def test_slopes_agree_with_difference_quotients() -> None:
     problem = _Problem(target, shared.outcome, planes, BOARD_GAME, True, bias)
     terms = problem.terms(planes)
     assert terms is not None
-    # Faces, hands, edges and feet, moves.
-    assert len(terms.soft) - 16 - 3 * len(problem.hands) - 40 == 6
+    # Faces set down and thrown, hands, edges and feet, moves.
+    assert len(terms.soft) - 2 * 16 - 3 * len(problem.hands) - 40 == 6
     for along in rng.normal(size=(3, 32)):
         ends = [problem.terms(planes.move(sign * step * along), False) for sign in (1, -1)]
         for name in ("soft", "hard"):
