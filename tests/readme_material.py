@@ -18,6 +18,12 @@ from PIL import Image
 from dicedesign.cli.main import main
 from dicedesign.view.application import View
 
+DESIGNED = (
+    *("d3", "d4", "d5", "d6", "d7", "d9", "d11", "2d4", "2d6", "3d4", "4dF"),
+    *("70%,20%,10%", "90%,5%,5%", "1:2:3:4", "31%,27%,20%,12%,10%"),
+)
+"""Targets of the dice in the first picture."""
+
 TITLE = 66
 """Pixels above each view that hold its title."""
 
@@ -32,16 +38,36 @@ def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
     return sheet.crop((left, top, left + side, top + side)).resize((size, size))
 
 
+def designed(target: Path) -> None:
+    """Dice that `dicedesign design` makes."""
+    with TemporaryDirectory() as name:
+        folders = []
+        for number, text in enumerate(DESIGNED):
+            folders.append(Path(name, f"{number:02}"))
+            assert main(["design", text, "--out", str(folders[-1])]) == 0
+        labels = "miss,graze,hit,crit"
+        folders.append(Path(name, "hits"))
+        command = ["design", "1/12,1/6,1/2,1/4", "--labels", labels, "--out", str(folders[-1])]
+        assert main(command) == 0
+        save(strip(folders), target / "designed.png")
+
+
+def strip(folders: list[Path]) -> Image.Image:
+    """One view of each die."""
+    size, columns = 170, 8
+    picture = Image.new("RGB", (size * columns, size * -(-len(folders) // columns)), "white")
+    for i, folder in enumerate(folders):
+        place = size * (i % columns), size * (i // columns)
+        picture.paste(view(folder, 3, 0, size), place)
+    return picture
+
+
 def gallery(outputs: Path, target: Path) -> None:
     """All dice, and the pictures of one of them."""
     target.mkdir(exist_ok=True)
+    designed(target)
     folders = sorted(path.parent for path in outputs.glob("*/views.png"))
-    size, columns = 170, 8
-    strip = Image.new("RGB", (size * columns, size * -(-len(folders) // columns)), "white")
-    for i, folder in enumerate(folders):
-        place = size * (i % columns), size * (i // columns)
-        strip.paste(view(folder, 3, 0, size), place)
-    save(strip, target / "dice.png")
+    save(strip(folders), target / "dice.png")
     shown = outputs / "2d6_hendecahedron"
     for name in ("gauss_map", "bars", "convergence", "views", "faces"):
         save(narrow(Image.open(shown / f"{name}.png")), target / f"{name}.png")

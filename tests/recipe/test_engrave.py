@@ -227,6 +227,7 @@ def test_long_words_are_finer_before_a_die_is_larger() -> None:
     work = design_of("dodecahedron", print="fdm")
     entries = {"name": "die", "target": {"fair": 12, "labels": MONTHS.split()}}
     work.recipe, work.enlarge = parse_recipe(entries), True
+    work.target = work.recipe.target.target()
     run_stages(work, after="design", last="size")
     assert work.recipe.size_mm <= 33.0
     assert "Jan, Feb, Mar, ... would fit at 30 mm" in work.notes[-1]
