@@ -105,7 +105,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         "target 20s | faces 5d | off 6.4f | chance 6.4f | least 5.2f | set down 8.1e | "
         "quotient 5.2f | stretch 5.2f | label mm 5.1f | on top 3s | size mm 4.0f | s 5.1f",
     )
-    made = list[Made]()
+    made, drawn = list[Made](), list[str]()
     for name, (text, labels) in chosen:
         try:
             die = make(text, labels, drops, options.engine)
@@ -113,6 +113,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
             report.line(f"{name}: {error}")
             continue
         made.append(die)
+        drawn.append(name)
         row(
             *(name, die.faces, die.off, die.chance, die.least, die.error, die.quotient),
             *(die.stretch, die.label_mm, "yes" if die.is_on_top else "no"),
@@ -140,7 +141,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         *(np.median([die.seconds for die in made]), max(die.seconds for die in made)),
     )
     if options.out is not None:
-        report.figure = draw([name for name, _ in chosen], made)
+        report.figure = draw(drawn, made)
     is_thrown = middle <= MAX_OFF["median"] and often <= MAX_OFF["eight in ten"]
     is_good = error <= MAX_ERROR and splinters == 0 and on_top >= ON_TOP
     return len(made) == len(chosen) and ((is_good and is_thrown) or options.quick)

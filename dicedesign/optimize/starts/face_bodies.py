@@ -47,8 +47,9 @@ MOST_RING_FACES = 28
 """Most faces of a trapezohedron or a double pyramid. With more they are narrow, and other bodies
 have more room for labels."""
 
-MOST_DOUBLED_FACES = 46
-"""Most of a trapezohedron that has two for each outcome, which no other body makes as right."""
+MOST_DOUBLED_FACES = 34
+"""Most of a trapezohedron that has two for each outcome, which no other body makes as right. With
+more, labels would need dice of 60 mm."""
 
 
 WHOLE = 1e-9
