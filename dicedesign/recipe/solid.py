@@ -116,6 +116,11 @@ def _make_shape(work: Work) -> None:
         replace(table, size=1e-3 * recipe.size_mm)
         if options.refine is not None:
             require_engine(options.refine.engine)
+    elif recipe.compares_faces:
+        from dicedesign.throws.momentum_model import momentum_model
+
+        with named("method.exact.table"):
+            momentum_model(options.table_with_hand)
     start = build_start(recipe.start.name, recipe.start.options, Task(faces, recipe.seed, center))
     if start is None:
         return

@@ -262,6 +262,8 @@ COMMANDS = {
     "design d6 --size-mm 3ft": "--size-mm: expected a length in mm such as 30, or with a unit",
     "design d6 --icons skull.svg": "--icons: expected label=FILE.svg, got 'skull.svg'",
     "design d6 --icons 7=blank.svg": "--icons: expected labels of the target",
+    "design d6 --table nowhere": "--table: table nowhere: expected board-game",
+    "design d7 --faces 7": "--faces: expected an even number of at least 7",
     "design d6 --font Nowhere": "--font: expected the family of an installed font",
     "design d6 --edges 7": "--edges: expected at most 6",
     "design d6 --edges smooth": "--edges: expected 'fillet' or 'chamfer', got 'smooth'",
