@@ -43,6 +43,7 @@ from dicedesign.recipe.thrown import forecast_throws
 from dicedesign.results.parts import Candidate, Status
 from dicedesign.results.result import HullCounts, Step
 from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.workers import one_thread
 
 NUMBERS = (24, 30, 34, 36, 38, 42, 46, 48)
 """Numbers of nearly equal faces that are tried, those of `even_codes`."""
@@ -56,6 +57,9 @@ ODD_SHARES = 0.12
 MAX_NEAR = 2
 """Numbers of nearly equal faces that are tried before one face an outcome, unless more dice are
 wanted."""
+
+RARE = 0.002
+"""Probability below which a die of one face an outcome is designed too."""
 
 CODES = 2
 """Starting shapes for each number of nearly equal faces."""
@@ -90,6 +94,7 @@ class _Die:
     is_equal: bool = False
 
 
+@one_thread()
 def design_candidates(work: Work) -> Design:
     """Design dice with different numbers of faces, record what distinguishes them, and return the
     one that the recipe picks, the first by default. Sets the work's target to its faces.
@@ -160,7 +165,9 @@ def _design_dice(work: Work, wanted: int) -> Iterator[_Die]:
         if die is not None:
             is_found = True
             yield die
-    if recipe.faces == AUTO:
+    # When thrown it is worse than others, but a rare outcome has more room there.
+    is_needed = wanted > 1 or not is_found or plain.probabilities.min() < RARE
+    if recipe.faces == AUTO and is_needed:
         notes = len(work.notes)
         try:
             design, name = design_handsome(work), "one face an outcome"
