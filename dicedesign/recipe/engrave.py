@@ -99,15 +99,19 @@ def _finish_convex(work: Work) -> None:
         # Moved facets would split corners of many edges, and change thrown probabilities.
         is_special = work.die.symmetry is not None or len(work.candidates) > 0
         can_be_even = is_plain and is_special and given is None
+    before = placements
     if can_be_even and edges is None:
         placements = _even_pockets(work, placements)
+    # Equal faces stay so; to move them would split corners, which the momentum model takes ill.
+    stays = placements is not before and np.ptp(work.target.face_probabilities) == 0.0
     finish = ConvexObject(options, edges, None if given is None else given - core.centroid)
     if given is not None and (edges is None or is_thrown):
         # Labels do not change the hull.
         _finish(work, finish.make_engraved(core, placements), finish.place_labels(placements), core)
         return
     by = "shape" if options is None else options.balance
-    rounds = MOST_ROUNDS if by != "none" and work.status is Status.CONVERGED else 0
+    is_moved = by != "none" and work.status is Status.CONVERGED and not stays
+    rounds = MOST_ROUNDS if is_moved else 0
     directions, (target, outcome_of) = work.die.directions, work.target.wanted
     table, prior = work.recipe.method.table, work.die.prior
     if given is not None or table is None:
