@@ -20,11 +20,10 @@ import numpy as np
 import torch
 
 from benchmarks.frame import Report
-from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull, polyhedron_corners
 from dicedesign.geometry.meshes.body import make_body
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import evaluate_rests
-from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.starts.face_bodies import weighted_code
 from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.distances import measure_variation
@@ -99,9 +98,8 @@ def most_even_code(faces: int) -> tuple[Floats, ConvexHull, Floats, Floats]:
     model, found = ThrowProbabilities.on(TABLE), []
     for seed in range(STARTS):
         normals = weighted_code(np.full(faces, 1.0 / faces), seed).normals
-        parameters = np.concatenate([normals.ravel(), np.zeros(faces)])
-        points = FacetCoordinates(np.zeros(3)).shape(parameters).points
-        rests = evaluate_rests(torch.from_numpy(points))
+        corners = polyhedron_corners(normals, np.ones(faces))
+        rests = evaluate_rests(torch.from_numpy(corners))
         face = np.argmax(rests.hull.normals[rests.facets] @ normals.T, axis=1)
         if len(face) == faces:
             resting, thrown = np.zeros(faces), np.zeros(faces)

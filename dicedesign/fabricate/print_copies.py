@@ -318,7 +318,11 @@ def print_tolerances(
     nine_in_ten = float(np.quantile(off, 0.9))
     if copies.is_flat:
         answer = _describe_accuracy(
-            allowed, errors.dimensional_mm, copies.poses.hull.diameter, printer.name
+            allowed,
+            errors.dimensional_mm,
+            copies.poses.hull.diameter,
+            printer.name,
+            "set down" if copies.mixture is None else "thrown",
         )
     else:
         *shares, other = (f"{100.0 * share:.2g}" for share in every.mean(axis=0))
@@ -365,14 +369,16 @@ def _allowed_offset(excess: Callable[[float], float], size: float) -> float | No
     return float(brentq(excess, least, most, xtol=CLOSENESS * most))
 
 
-def _describe_accuracy(allowed: float | None, assumed: float, size: float, printer: str) -> str:
+def _describe_accuracy(
+    allowed: float | None, assumed: float, size: float, printer: str, way: str
+) -> str:
     """Whether prints are right within chance, in a sentence. allowed, assumed: standard deviations
-    of the place of each facet; size: of the die; all in mm."""
+    of the place of each facet; size: of the die; all in mm. way: how it is rolled."""
     level, noticed = f"{100.0 * LEVEL:.0f} %", f"{100.0 * NOTICED:.0f} %"
     if allowed is None:
         return (
-            f"Your print will be right within chance for {ROLLS:,} rolls, however far each face is "
-            "off: nearly all shapes of this die have its probabilities."
+            f"{way.capitalize()}, your print will be right within chance for {ROLLS:,} rolls, "
+            "however far each face is off: nearly all shapes of this die have its probabilities."
         )
     if allowed == 0.0:
         return (
@@ -385,8 +391,12 @@ def _describe_accuracy(allowed: float | None, assumed: float, size: float, print
         "standard deviations)"
     )
     if allowed >= assumed:
-        return f"Your print will be right within chance for {ROLLS:,} rolls {limits}."
+        return (
+            f"{way.capitalize()}, your print will be right within chance for {ROLLS:,} rolls "
+            f"{limits}."
+        )
     return (
-        f"Your print will not be right within chance for {ROLLS:,} rolls at this size, but from "
+        f"{way.capitalize()}, your print will not be right within chance for {ROLLS:,} rolls at "
+        "this size, but from "
         f"{math.ceil(size * assumed / allowed)} mm on, or on a finer printer {limits}."
     )

@@ -90,16 +90,14 @@ class ThrowProbabilities:
         formula = partial(self._formula, rests)
         return rests.function(self.probabilities(rests), gradient, formula, resting)
 
-    def jacobian(self, rests: RestEvaluation, weights: Floats | None = None) -> Floats:
-        """See `ProbabilityModel`. With weights (r, k): derivatives (r, 3 n) of weighted sums of the
-        probabilities, which take the less time the fewer they are."""
+    def jacobian(self, rests: RestEvaluation) -> Floats:
+        """See `ProbabilityModel`."""
         resting = rests.jacobian
-        weights = np.eye(len(resting)) if weights is None else weights
         if self.mixture is None or len(resting) == 1:
-            return weights @ resting
-        gradients = self._gradients(rests, weights)
+            return resting
+        gradients = self._gradients(rests, np.eye(len(resting)))
         if gradients is None:
-            return weights @ rests.jacobian_of(self.tensor)
+            return rests.jacobian_of(self.tensor)
         rows, by_center, by_probabilities = gradients
         return rests.rows_with_center(rows, by_center) + by_probabilities @ resting
 

@@ -17,9 +17,8 @@ import numpy as np
 from dicedesign.errors import EngravingError, InputError, NoStartError
 from dicedesign.fabricate.die import Design, make_solid
 from dicedesign.fabricate.label_reading import die_readings
-from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull, polyhedron_corners
 from dicedesign.gradient.probability_model import ThrowProbabilities
-from dicedesign.optimize.coordinates import FacetCoordinates
 from dicedesign.optimize.looks import rate_looks
 from dicedesign.optimize.solvers.outcome_sums import (
     OutcomeSumsDie,
@@ -40,7 +39,7 @@ from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.recipe import AUTO
 from dicedesign.recipe.solid import enlarge
 from dicedesign.recipe.thrown import forecast_throws
-from dicedesign.results.parts import Candidate, Status
+from dicedesign.results.parts import MAX_THROWN_OFF, Candidate, Status
 from dicedesign.results.result import HullCounts, Step
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.workers import one_thread
@@ -70,11 +69,8 @@ MAX_STRAIN = 1.5
 SOLVED = 1e-9
 """Error of the sums at which a die of nearly equal faces counts as solved."""
 
-MAX_THROWN = 0.02
-"""Total variation from the target when thrown, over the hands of the table."""
-
 MAX_HANDS = 0.05
-"""The same for nine in ten hands."""
+"""Total variation from the target when thrown, for nine in ten hands."""
 
 MIN_LABEL = 0.1
 """Diameter of the circle in the smallest labeled face over that of the die: 3 mm of 30 mm."""
@@ -135,9 +131,9 @@ def pick_candidate(work: Work, pick: int, compared: int) -> Design:
     """Return number `pick`, from 1, of the work's candidates; set the target to its faces and add a
     note. compared: number of dice compared."""
     facts = work.candidates[pick - 1]
-    rank = f"number {pick}" if pick > 1 else "the best"
+    rank = f", {f'number {pick}' if pick > 1 else 'the best'} of {compared} dice compared"
     lacks = f"; it lacks {', '.join(facts.lacks)}" if facts.lacks else ""
-    work.notes.append(f"faces: {facts.name}, {rank} of {compared} dice compared{lacks}")
+    work.notes.append(f"faces: {facts.name}{rank if compared > 1 else ''}{lacks}")
     work.target, design = work.candidate_designs[pick - 1]
     return design
 
@@ -189,8 +185,7 @@ def _of_equal_faces(plain: Target, faces: int) -> _Die:
     counts = np.round(plain.probabilities * faces).astype(np.int64)
     outcome = np.repeat(np.arange(len(counts)), counts)
     target = _target(plain, outcome, np.full(faces, 1.0 / faces), keeps_shares=True)
-    parameters = np.concatenate([body.normals.ravel(), np.zeros(faces)])
-    hull = convex_hull(FacetCoordinates(np.zeros(3)).shape(parameters).points)
+    hull = convex_hull(polyhedron_corners(body.normals, np.ones(faces)))
     design = _design(target, hull, body.normals, Step(0, 0.0, 0.0, 0.0), 1, body.group)
     return _Die(f"{body.name} of {faces} equal faces", target, design, is_equal=True)
 
@@ -278,7 +273,7 @@ def _measure(work: Work, die: _Die, full: bool) -> Candidate:
         "a compact shape": MIN_COMPACT / looks.quotient,
     }
     if recipe.purpose != "setting-down":
-        flaws["a small error when thrown"] = thrown[0] / MAX_THROWN
+        flaws["a small error when thrown"] = thrown[0] / MAX_THROWN_OFF
         flaws["a small error in nine of ten hands"] = thrown[1] / MAX_HANDS
     lacks = {} if die.is_equal else {name: flaw for name, flaw in flaws.items() if flaw > 1.0}
     size_mm, weight = recipe.size_mm, None

@@ -176,7 +176,7 @@ class Recipe(Strict):
         shapes with and without symmetry; None, "none" in a file, for any shape.
     faces: "auto" to compare dice with different numbers of faces and take the best, the default if
         shapes are searched without further wishes; "one" for one face an outcome, or those that the
-        target lists; or an even number of faces, at least 6 and as many as outcomes.
+        target lists; or an even number of faces, at least 4 and as many as outcomes.
     purpose: what the die is for: "both", right when set down and when thrown; "setting-down" or
         "throwing" for one of these.
     candidates: number of dice to compare and to describe in the result, 1 to 12.

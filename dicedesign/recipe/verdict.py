@@ -20,7 +20,6 @@ ANY_HAND = 5e-4
 """Total variation for nine in ten hands below which a die is right in any hand: what labels may
 change. Only symmetry makes it so."""
 
-
 MODEL_ERROR = 0.01
 """Total variation that the momentum model is off by for dice of many faces; see docs/numbers.md."""
 

@@ -25,7 +25,7 @@ import numpy as np
 import torch
 
 from dicedesign.errors import DiceError
-from dicedesign.geometry.hulls.hull import ConvexHull
+from dicedesign.geometry.hulls.hull import ConvexHull, polyhedron_corners
 from dicedesign.geometry.sphere import unit_vectors
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import RestEvaluation, evaluate_rests
@@ -64,6 +64,9 @@ MAX_STEPS = 25
 
 REACHED = 1e-11
 """Error of the sums at which they are met."""
+
+NEARLY_MET = 1e-3
+"""Error of the sums from which only these are still improved."""
 
 ORDERS = 200
 """Random orders of outcomes on faces."""
@@ -142,7 +145,6 @@ class OutcomeSumsDie:
     ----------
     hull: of the die. normals: (2 m, 3) of its faces.
     error: largest error of a sum, set down or thrown, by the models.
-    hands: (h,) total variation from the target in each hand of the table, by the model.
     strain: half the sum of the squares that were minimized; dice of less are better shaped.
     evaluations: number of dice that were evaluated.
     """
@@ -150,7 +152,6 @@ class OutcomeSumsDie:
     hull: ConvexHull
     normals: Floats
     error: float
-    hands: Floats
     strain: float
     evaluations: int
 
@@ -158,14 +159,13 @@ class OutcomeSumsDie:
 @dataclass(frozen=True, eq=False)
 class _Terms:
     """Residuals to minimize (s,) and errors of the sums (c,), the derivatives of both in the
-    movable directions, (s, d) and (c, d) or (0,), and the hull and hands of `OutcomeSumsDie`."""
+    movable directions, (s, d) and (c, d) or (0,), and the hull of the die."""
 
     soft: Floats
     hard: Floats
     soft_slopes: Floats
     hard_slopes: Floats
     hull: ConvexHull
-    hands: Floats
 
     @property
     def error(self) -> float:
@@ -220,7 +220,6 @@ class _Problem:
         wholes = np.sum(scaled, axis=-1)
         by_hand = np.reshape(scaled, (-1, len(face))) / wholes[..., None]
         off = by_hand @ sums.T - self.target
-        variation = np.abs(off).sum(axis=1) / 2.0
         mean = self.hand_weights @ by_hand
         weights = HAND_WEIGHT * np.sqrt(self.hand_weights)[:, None] / np.sqrt(self.target + RARE)
         short, short_rows = _short_edges(rests)
@@ -236,7 +235,7 @@ class _Problem:
         errors += [(sums @ mean - self.target)[:-1]] if self.hands else []
         hard = np.concatenate(errors)
         if not slopes:
-            return _Terms(np.concatenate(soft), hard, np.zeros(0), np.zeros(0), hull, variation)
+            return _Terms(np.concatenate(soft), hard, np.zeros(0), np.zeros(0), hull)
         rows = [rests.jacobian, *(hand.jacobian(rests) for hand in self.hands), short_rows]
         moved = shape.in_parameters(np.concatenate(rows), hull.source) @ planes.directions
         of_faces, of_hands, of_edges = np.split(moved, [len(face), len(moved) - len(short)])
@@ -261,7 +260,6 @@ class _Problem:
             np.concatenate(soft_slopes),
             np.concatenate(error_slopes),
             hull,
-            variation,
         )
 
 
@@ -338,13 +336,11 @@ def solve_outcome_sums(
             continue
         after = trial.merit(penalty)
         planes, failures = moved, 0
-        if before - after < LITTLE * before and trial.error < 1e-3:
-            break
         terms = problem.terms(planes)
         assert terms is not None
+        if before - after < LITTLE * before and terms.error < NEARLY_MET:
+            break
         damping = max(damping / 4.0, DAMPING[1]) if length == 1.0 else 2.0 * damping
-    terms = problem.terms(planes)
-    assert terms is not None
     for _ in range(POLISH_STEPS):
         if terms.error < REACHED:
             break
@@ -360,9 +356,7 @@ def solve_outcome_sums(
             break
         planes, terms = moved, trial
     strain = float(terms.soft @ terms.soft) / 2.0
-    return OutcomeSumsDie(
-        terms.hull, planes.normals, terms.error, terms.hands, strain, problem.evaluations
-    )
+    return OutcomeSumsDie(terms.hull, planes.normals, terms.error, strain, problem.evaluations)
 
 
 def arrange_outcomes(
@@ -371,9 +365,8 @@ def arrange_outcomes(
     """(2 m,) outcome of each face of a code, so that the sums are near the target (k,) from the
     start, set down and thrown: pairs of `shares` in the best of many random orders, improved by
     swaps and turns of pairs as long as these help."""
-    coordinates = FacetCoordinates(np.zeros(3))
-    parameters = np.concatenate([code.normals.ravel(), np.log(code.distances)])
-    rests = evaluate_rests(torch.from_numpy(coordinates.shape(parameters).points))
+    corners = polyhedron_corners(code.normals, code.distances)
+    rests = evaluate_rests(torch.from_numpy(corners))
     face = np.argmax(rests.hull.normals[rests.facets] @ code.normals.T, axis=1)
     models = [rests.probability_values]
     if thrown is not None:
