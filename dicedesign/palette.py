@@ -61,6 +61,57 @@ BASINS = (
 """Colors of basins, the most probable basin first; they repeat after twenty."""
 
 
+FEW_OUTCOMES = ("#3B86DB", "#F3AE3D", "#B8497F", "#5CCBA8", "#8A5A2B")
+"""Colors of up to five outcomes, far apart for each kind of color blindness."""
+
+OUTCOME_RAMP = (
+    "#5E589F",
+    "#4C6CB6",
+    "#2D8ACB",
+    "#0098C6",
+    "#00ADBE",
+    "#00BEAE",
+    "#41CC9A",
+    "#84D587",
+    "#B9DB7A",
+    "#E5DE7C",
+    "#FFE390",
+)
+"""Colors of more outcomes, from dark to light; a label always accompanies them."""
+
+BLANK = "#d8d3c8"
+"""Facets without an outcome, and rounded edges."""
+
+INK = "#14171a"
+"""Text on light colors."""
+
+MIN_CONTRAST = 4.5
+"""Contrast of text. Source: Web Content Accessibility Guidelines 2.2, criterion 1.4.3."""
+
+
+def outcome_colors(count: int) -> list[str]:
+    """Colors of `count` outcomes in their order, the same on the page, in figures and in files."""
+    if count <= len(FEW_OUTCOMES):
+        return list(FEW_OUTCOMES[:count])
+    places = np.linspace(0.0, len(OUTCOME_RAMP) - 1, count)
+    ramp = rgb(OUTCOME_RAMP)
+    mixed = np.stack([np.interp(places, range(len(ramp)), channel) for channel in ramp.T], axis=1)
+    return ["#" + bytes(color).hex() for color in np.rint(255.0 * mixed).astype(np.uint8)]
+
+
+def text_color(background: str) -> str:
+    """Dark ink where it reaches `MIN_CONTRAST` on a background color, else white."""
+    ink, ground = (luminance(color) for color in (INK, background))
+    return INK if (ground + 0.05) / (ink + 0.05) >= MIN_CONTRAST else "#ffffff"
+
+
+def luminance(color: str) -> float:
+    """Relative luminance from 0 to 1. Source: Web Content Accessibility Guidelines 2.2."""
+    channels = rgb([color])[0]
+    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
 def repeat(colors: Sequence[str], count: int) -> list[str]:
     """Cycle through colors, `count` in all."""
     return [colors[k % len(colors)] for k in range(count)]
