@@ -45,11 +45,13 @@ class Part(Surface):
     points: (n, 3) in mm, z upward; triangles: (t, 3) counter-clockwise seen from outside.
     name: such as "die"; color: "#rrggbb".
     labels: (t,) whether a triangle belongs to a label, or None without labels.
+    label_color: "#rrggbb" of these triangles.
     """
 
     name: str
     color: str
     labels: Booleans | None = None
+    label_color: str = LABEL_COLOR
 
     def groups(self) -> list[tuple[str, str, Integers]]:
         """Name, color and triangles (s, 3) of each color of the part."""
@@ -57,7 +59,7 @@ class Part(Surface):
             return [(self.name, self.color, self.triangles)]
         return [
             (self.name, self.color, self.triangles[~self.labels]),
-            ("labels", LABEL_COLOR, self.triangles[self.labels]),
+            ("labels", self.label_color, self.triangles[self.labels]),
         ]
 
 

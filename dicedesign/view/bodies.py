@@ -1,0 +1,255 @@
+"""Bodies of the page for experts: rests, Gauss map, and what dragging does to them.
+
+A state of a body never changes: each change makes a new one with a number of its own.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+from itertools import count
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from dicedesign.errors import DiceError, InputError
+from dicedesign.geometry.meshes.body import body_of
+from dicedesign.geometry.meshes.reading import read_body, stl_bytes
+from dicedesign.geometry.triangles import doubled_area_vectors
+from dicedesign.palette import BLANK, outcome_colors, text_color
+from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
+from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.view.dice import BLANK_CODE, Shop, packed
+from dicedesign.view.sources import Source
+from dicedesign.view.viewed_body import ViewedBody, decimate, facet_vertices, outcomes_of
+
+__all__ = ["Bodies"]
+
+KEPT_STATES = 200
+"""States of bodies that are kept in memory."""
+
+MAX_ROWS = 24
+"""Rows of a table of probabilities; the others are summed."""
+
+MAX_DRAGGED_CORNERS = 2000
+"""Corners of a hull up to which it can be dragged."""
+
+FLAT_COSINE = 0.999
+"""Cosine of the largest angle between a resting facet and triangles that are part of it."""
+
+FLAT_HEIGHT = 1e-3
+"""Largest height of these triangles over the facet, relative to the size of the body."""
+
+MIN_LABEL_PROBABILITY = 0.008
+"""Probability from which on a basin has its label in the map."""
+
+LABEL_PIXELS = 26.0
+"""Height of the labels in the map."""
+
+
+class Bodies:
+    """Functions behind the page's tab for experts. All take and return JSON values, except `open`
+    of bytes, and may run in any thread.
+
+    shop: where dice come from. source: bodies of the command line, or None.
+    """
+
+    def __init__(self, shop: Shop, source: Source | None) -> None:
+        self._shop, self._source = shop, source
+        self._states: OrderedDict[int, ViewedBody] = OrderedDict()
+        self._numbers, self._lock = count(1), threading.Lock()
+        self.names: tuple[str, ...] = () if source is None else source.names
+
+    def open(self, query: Mapping[str, Any]) -> dict[str, Any]:
+        """Open a body: "name" of the command line's, or "die" and "dress" of a die."""
+        if "die" in query:
+            work = self._shop.work(query)
+            body, poses = body_of(work.finished, work.recipe.name), work.final.poses
+            return self._keep(ViewedBody.of(body, outcomes=outcomes_of(work), poses=poses))
+        if self._source is None or query["name"] not in self.names:
+            raise InputError(f"name: expected one of the page's, got {query['name']!r}; reload it")
+        return self._keep(self._source.load(query["name"], lambda _: None))
+
+    def upload(self, query: Mapping[str, Any], content: bytes) -> dict[str, Any]:
+        """Open a mesh of the user's own. query: "name" of the file; content: of the file."""
+        name = Path(str(query["name"])).name or "mesh"
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, name)
+            path.write_bytes(content)
+            try:
+                body = read_body(path)
+            except DiceError as error:
+                raise InputError(str(error).replace(str(path), name)) from error
+        return self._keep(ViewedBody.of(body, name=name))
+
+    def change(self, query: Mapping[str, Any]) -> dict[str, Any]:
+        """Change a state: "center" (3,), or "uniform", or "vertices" of the hull moved by "by"
+        (3,)."""
+        viewed, note = self._find(query), ""
+        if "center" in query:
+            viewed, was_outside = viewed.with_center(np.array(query["center"], dtype=np.float64))
+            if was_outside:
+                note = "The center of mass of a body is always inside its hull."
+        elif "uniform" in query:
+            viewed = viewed.with_uniform_center()
+        else:
+            vertices = np.array(query["vertices"], dtype=np.int64)
+            corners = viewed.hull.vertices
+            if len(corners) > MAX_DRAGGED_CORNERS:
+                raise InputError(
+                    f"hull: expected at most {MAX_DRAGGED_CORNERS:,} corners to drag, got "
+                    f"{len(corners):,}; take a simpler body"
+                )
+            viewed = viewed.with_vertices(vertices, corners[vertices] + np.array(query["by"]))
+        return self._keep(viewed) | {"note": note}
+
+    def probabilities(self, query: Mapping[str, Any]) -> dict[str, Any]:
+        """(rows,) "thrown" probabilities of a state by the momentum model of a "table"."""
+        thrown = self._find(query).throw_probabilities(momentum_model(query["table"]))
+        return {"thrown": thrown.tolist()}
+
+    def gauss_map(self, query: Mapping[str, Any]) -> dict[str, Any]:
+        """Gauss map of a state as an SVG figure."""
+        return {"svg": _map_svg(self._find(query))}
+
+    def hull_file(self, query: Mapping[str, Any]) -> bytes:
+        """STL file of the hull of a state."""
+        return stl_bytes(self._find(query).hull.surface)
+
+    def _find(self, query: Mapping[str, Any]) -> ViewedBody:
+        with self._lock:
+            viewed = self._states.get(int(query["state"]))
+        if viewed is None:
+            raise InputError("body: expected one that is still open, got an old one; open it again")
+        return viewed
+
+    def _keep(self, viewed: ViewedBody) -> dict[str, Any]:
+        number = next(self._numbers)
+        with self._lock:
+            self._states[number] = viewed
+            while len(self._states) > KEPT_STATES:
+                self._states.popitem(last=False)
+        return describe(viewed) | {"state": number}
+
+
+def describe(viewed: ViewedBody) -> dict[str, Any]:
+    """Data of a body for the page: mesh about the center of mass, rows and facts."""
+    body, hull, poses = viewed.shape.body, viewed.hull, viewed.poses
+    rows = viewed.rows[:MAX_ROWS]
+    points, triangles = hull.vertices, hull.triangles
+    is_hull = viewed.is_dragged or body.triangles is None
+    if body.triangles is not None and not is_hull:
+        points, triangles = decimate(body.points, body.triangles)
+    others = float(sum(row.probability for row in viewed.rows[MAX_ROWS:]))
+    errors = [abs(row.probability - row.target) for row in viewed.rows if row.target is not None]
+    kind = "points"
+    if body.triangles is not None:
+        kind = "the dragged hull" if viewed.is_dragged else f"{len(body.triangles):,} triangles"
+    row_of_facet = np.full(len(hull.normals), -1, dtype=np.int64)
+    row_of_facet[poses.facets] = viewed.row_of_rest
+    margins = np.degrees(poses.margins)
+    return {
+        "name": viewed.name,
+        "kind": kind,
+        "corners": len(hull.vertices),
+        "facets": len(hull.normals),
+        "rests": len(poses.facets),
+        "margin_deg": float(margins.min()) if len(margins) > 1 else None,
+        "notes": poses.notes,
+        "error": max(errors, default=None),
+        "center": viewed.center.tolist(),
+        "size": hull.diameter,
+        "rows": [
+            {"label": row.label, "probability": row.probability, "target": row.target}
+            for row in rows
+        ],
+        "others": [len(viewed.rows) - len(rows), others],
+        "colors": _row_colors(viewed),
+        "mesh": {
+            "points": packed(points - viewed.center, "<f4"),
+            "triangles": packed(triangles, "<u4"),
+            "codes": packed(_codes(viewed, points, triangles), "<u1"),
+            "rests": [
+                {"down": normal, "outcome": row}
+                for normal, row in zip(
+                    poses.normals.tolist(), viewed.row_of_rest.tolist(), strict=True
+                )
+            ],
+            "show": 0,
+        },
+        "hull": {
+            "vertices": hull.vertices.tolist(),
+            "facets": [facet_vertices(hull, facet).tolist() for facet in range(len(hull.normals))],
+            "normals": hull.normals.tolist(),
+        }
+        if len(hull.vertices) <= MAX_DRAGGED_CORNERS
+        else None,
+    }
+
+
+def _row_colors(viewed: ViewedBody) -> list[str]:
+    """Colors of the rows; rests without an outcome are blank."""
+    count = len(viewed.rows)
+    if viewed.outcomes is None:
+        return outcome_colors(count)
+    colors = outcome_colors(len(viewed.outcomes.labels))
+    return [*colors, BLANK][:count]
+
+
+def _codes(viewed: ViewedBody, points: Floats, triangles: Integers) -> Integers:
+    """(t,) row of the resting facet that each triangle is part of, or `BLANK_CODE`."""
+    codes = np.full(len(triangles), BLANK_CODE, dtype=np.int64)
+    middles, normals = points[triangles].mean(axis=1), doubled_area_vectors(points, triangles)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), np.finfo(np.float64).tiny)[:, None]
+    poses, within = viewed.poses, FLAT_HEIGHT * viewed.hull.diameter
+    for rest, row in enumerate(viewed.row_of_rest.tolist()):
+        if row >= min(MAX_ROWS, len(viewed.rows)):
+            continue
+        normal = poses.normals[rest]
+        height = (viewed.hull.vertices @ normal).max() - middles @ normal
+        codes[(normals @ normal > FLAT_COSINE) & (height < within)] = row
+    return codes
+
+
+def _map_svg(viewed: ViewedBody) -> str:
+    """Two hemispheres of the Gauss map with basins in the colors of the rows, and their labels."""
+    poses, colors = viewed.poses, _row_colors(viewed)
+    width, height = MAP_SIZE[0], MAP_SIZE[1] - 75.0
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" role="img" '
+        'aria-label="Gauss map: for each direction that points down at release, the outcome">'
+    ]
+    rows = [min(row, len(colors) - 1) for row in viewed.row_of_rest.tolist()]
+    for number, (disc, outlines) in enumerate(basin_outlines(poses)):
+        x, y = disc.middle
+        circle = f'cx="{x:g}" cy="{y:g}" r="{RADIUS:g}"'
+        parts.append(f'<clipPath id="disc{number}"><circle {circle}/></clipPath>')
+        parts.append(f'<g clip-path="url(#disc{number})" stroke="#14171a" stroke-width="2">')
+        for rest, rings in enumerate(outlines):
+            path = "".join(
+                "M" + "L".join(f"{px:.1f} {py:.1f}" for px, py in ring) + "Z" for ring in rings
+            )
+            if path:
+                parts.append(
+                    f'<path fill="{colors[rows[rest]]}" fill-rule="evenodd" d="{path}"'
+                    f' data-row="{rows[rest]}"/>'
+                )
+        parts.append(f'</g><circle {circle} fill="none" stroke="#14171a" stroke-width="2"/>')
+        for rest, row in enumerate(rows):
+            normal = poses.normals[rest]
+            if poses.probabilities[rest] < MIN_LABEL_PROBABILITY or disc.heights(normal) <= 0.0:
+                continue
+            px, py = disc.to_paper(disc.project(normal))
+            label = escape(viewed.rows[viewed.row_of_rest[rest]].label)
+            parts.append(
+                f'<text x="{px:.1f}" y="{py + 0.36 * LABEL_PIXELS:.1f}" font-size="{LABEL_PIXELS}" '
+                f'font-weight="700" text-anchor="middle" fill="{text_color(colors[row])}">'
+                f"{label}</text>"
+            )
+    parts.append("</svg>")
+    return "".join(parts)
