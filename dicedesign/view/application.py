@@ -16,7 +16,7 @@ from urllib.parse import quote
 from dicedesign.errors import printable
 from dicedesign.fabricate.finish_options import ICON_NAMES
 from dicedesign.fabricate.printers import PRINTERS
-from dicedesign.palette import BLANK, text_color
+from dicedesign.palette import BLANK
 from dicedesign.throws.tables import TABLE_NAMES
 from dicedesign.view.bodies import Bodies
 from dicedesign.view.dice import Shop, Stopped
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["make_page", "serve_view"]
 
-EXAMPLES = ("2d6", "d7", "1/2, 1/3, 1/6", "50%, 30%, 20%", "1:1:1:1:1:2", "binomial: 4")
+EXAMPLES = ("d7", "2d6", "1/2, 1/3, 1/6", "50%, 30%, 20%", "1:1:1:1:1:2", "binomial: 4")
 """Texts that the page offers."""
 
 
@@ -62,7 +62,6 @@ def make_page(path: Path | None, gate: Gate) -> Starlette:
     routes: dict[str, Callable[[Any], Any]] = {
         "/start": start,
         "/target": shop.target,
-        "/colors": lambda colors: [text_color(color) for color in colors],
         "/dice": partial(_stream_dice, shop),
         "/dress": shop.dress,
         "/printing": shop.printing,
@@ -72,6 +71,7 @@ def make_page(path: Path | None, gate: Gate) -> Starlette:
         "/body/open": bodies.open,
         "/body/change": bodies.change,
         "/body/thrown": bodies.probabilities,
+        "/body/throw": bodies.throw,
         "/body/map": bodies.gauss_map,
         "/body/file": lambda query: _download("hull.stl", bodies.hull_file(query)),
     }

@@ -17,16 +17,16 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from dicedesign.errors import DiceError, InputError
-from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.meshes.reading import read_body, stl_bytes
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.palette import BLANK, outcome_colors, text_color
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.momentum_model import momentum_model
-from dicedesign.view.dice import BLANK_CODE, Shop, packed
+from dicedesign.view.dice import BLANK_CODE, Shop
 from dicedesign.view.sources import Source
-from dicedesign.view.viewed_body import ViewedBody, decimate, facet_vertices, outcomes_of
+from dicedesign.view.throwing import pack_numbers, throw_body
+from dicedesign.view.viewed_body import ViewedBody, decimate, facet_vertices
 
 __all__ = ["Bodies"]
 
@@ -68,9 +68,7 @@ class Bodies:
     def open(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Open a body: "name" of the command line's, or "die" and "dress" of a die."""
         if "die" in query:
-            work = self._shop.work(query)
-            body, poses = body_of(work.finished, work.recipe.name), work.final.poses
-            return self._keep(ViewedBody.of(body, outcomes=outcomes_of(work), poses=poses))
+            return self._keep(self._shop.viewed(query))
         if self._source is None or query["name"] not in self.names:
             raise InputError(f"name: expected one of the page's, got {query['name']!r}; reload it")
         return self._keep(self._source.load(query["name"], lambda _: None))
@@ -113,6 +111,10 @@ class Bodies:
         thrown = self._find(query).throw_probabilities(momentum_model(query["table"]))
         return {"thrown": thrown.tolist()}
 
+    def throw(self, query: Mapping[str, Any]) -> dict[str, Any]:
+        """Throws of a state; see `throw_body`."""
+        return throw_body(self._find(query), query)
+
     def gauss_map(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Gauss map of a state as an SVG figure."""
         return {"svg": _map_svg(self._find(query))}
@@ -152,7 +154,7 @@ def describe(viewed: ViewedBody) -> dict[str, Any]:
         kind = "the dragged hull" if viewed.is_dragged else f"{len(body.triangles):,} triangles"
     row_of_facet = np.full(len(hull.normals), -1, dtype=np.int64)
     row_of_facet[poses.facets] = viewed.row_of_rest
-    margins = np.degrees(poses.margins)
+    margins, colors = np.degrees(poses.margins), _row_colors(viewed)
     return {
         "name": viewed.name,
         "kind": kind,
@@ -169,11 +171,12 @@ def describe(viewed: ViewedBody) -> dict[str, Any]:
             for row in rows
         ],
         "others": [len(viewed.rows) - len(rows), others],
-        "colors": _row_colors(viewed),
+        "colors": colors[: len(rows)],
+        "texts": [text_color(color) for color in colors[: len(rows)]],
         "mesh": {
-            "points": packed(points - viewed.center, "<f4"),
-            "triangles": packed(triangles, "<u4"),
-            "codes": packed(_codes(viewed, points, triangles), "<u1"),
+            "points": pack_numbers(points - viewed.center, "<f4"),
+            "triangles": pack_numbers(triangles, "<u4"),
+            "codes": pack_numbers(_codes(viewed, points, triangles), "<u1"),
             "rests": [
                 {"down": normal, "outcome": row}
                 for normal, row in zip(

@@ -7,8 +7,8 @@ is kept here, designs and finished dice, only saves time: it is made anew when i
 from __future__ import annotations
 
 import json
+import math
 import threading
-from base64 import b64encode
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -20,26 +20,23 @@ import numpy as np
 from dicedesign.errors import DiceError, InputError
 from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes
 from dicedesign.fabricate.finish_options import ICON_NAMES
-from dicedesign.fabricate.printers import PRINTERS
-from dicedesign.geometry.sphere import unit_vectors
+from dicedesign.geometry.meshes.body import body_of
+from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.optimize.targets import Target
-from dicedesign.palette import outcome_colors
+from dicedesign.palette import outcome_colors, text_color
 from dicedesign.recipe.callbacks import Callbacks
 from dicedesign.recipe.output import die_contents, draw_figures, make_finished_die, write_page
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target, recipe_text
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.report.discs import basin_of_directions
 from dicedesign.report.pages import rests_of_triangles
-from dicedesign.rest.poses import RestPoses
 from dicedesign.results.parts import READINGS, Candidate, Status
-from dicedesign.throws.goodness_of_fit import chi_square
-from dicedesign.throws.simulation import DieOnTable, throw_film
-from dicedesign.throws.tables import TABLE_NAMES
-from dicedesign.view.motion import film_motion, release_motion
+from dicedesign.runtime.arrays import Integers
+from dicedesign.view.throwing import judge_throws, pack_numbers, throw_body
+from dicedesign.view.viewed_body import ViewedBody, outcomes_of
 
-__all__ = ["Shop", "Stopped", "mesh_data", "packed"]
+__all__ = ["BLANK_CODE", "Shop", "Stopped"]
 
 CANDIDATES = 6
 """Dice that are offered for a target."""
@@ -50,7 +47,7 @@ MAX_PROBABILITIES = 40
 KEPT_DIES = 24
 """Designs, and finished dice, that are kept in memory."""
 
-SHAPE_NORMAL_COSINE = 0.9999
+FLAT_COSINE = 0.9999
 """Cosine of the largest angle between a triangle and the facet that it is part of; others are on
 rounded edges."""
 
@@ -63,22 +60,20 @@ EDGE_CODE, BLANK_CODE, LABEL_CODE = 63, 62, 128
 MAX_OUTCOME_CODE = 61
 """Outcome codes are at most this; outcomes beyond share it."""
 
-FEW_THROWS = 20
-"""Number of throws from which on they are judged."""
+MAX_ADVISED_MM = 100.0
+"""Largest size that is advised for the sake of fine labels."""
 
-UNUSUAL, WRONG = 0.05, 1e-3
-"""Probabilities of a chi-square test below which throws are unusual, or contradict the target."""
+MAX_NOTICED = 0.1
+"""Share of prints that a test of 1,000 rolls may reject, of which 0.05 are perfect ones."""
+
+MANY_ERRORS = 0.03
+"""Mean total variation of prints from which a die is better printed in resin."""
 
 T = TypeVar("T")
 
 
 class Stopped(BaseException):
     """The page no longer wants a design. It is no `Exception`, so that nothing catches it."""
-
-
-def packed(values: Any, kind: str) -> str:
-    """Base64 text of numbers in a little-endian type of numpy, such as "<f4"."""
-    return b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 
 class Recent(Generic[T]):
@@ -119,10 +114,12 @@ class FinishedWork:
         run_stages(work, after="throws", last="tolerances")
         return work
 
-    def on_table(self, table: str) -> DieOnTable:
-        """The die on a table."""
+    @cached_property
+    def viewed(self) -> ViewedBody:
+        """The die as a body that can be thrown."""
         work = self.work
-        return DieOnTable.of(work.final.body, None, work.die.directions, table, work.die.outcome_of)
+        body = body_of(work.finished, work.recipe.name)
+        return ViewedBody.of(body, outcomes=outcomes_of(work), poses=work.final.poses)
 
 
 class Shop:
@@ -145,10 +142,12 @@ class Shop:
                 f"{MAX_PROBABILITIES}; a recipe can have more.",
                 "fix": None,
             }
+        colors = outcome_colors(len(target.labels))
         return {
             "labels": target.labels,
             "probabilities": target.probabilities.tolist(),
-            "colors": outcome_colors(len(target.labels)),
+            "colors": colors,
+            "texts": [text_color(color) for color in colors],
         }
 
     def _recipe(self, text: str, **entries: Any) -> Recipe:
@@ -180,17 +179,18 @@ class Shop:
     ) -> None:
         """Design dice for a target, and emit each when it is ready, and their order at the end.
 
-        query: "text", and "purpose" as in a recipe. emit: receives {"progress": [done, whole]},
-        {"die": ...}, {"order": [ids]} or {"error": text}. check: raises `Stopped`.
+        query: "text", and "count" of dice, `CANDIDATES` by default. emit: receives {"die": ...} for
+        each, {"order": [numbers]} at the end, or {"error": text}. check: raises `Stopped`.
         """
-        text, purpose = str(query["text"]).strip(), query.get("purpose", "both")
+
+        text, wanted = str(query["text"]).strip(), int(query.get("count", CANDIDATES))
 
         def on_candidate(facts: Candidate, target: Target, design: Any) -> None:
             check()
             faces = "one" if facts.name.startswith("one face") else facts.faces
-            key = _key({"text": text, "purpose": purpose, "faces": faces})
+            key = _key({"text": text, "faces": faces})
             one = work.copy()
-            one.recipe = self._recipe(text, purpose=purpose, faces=faces)
+            one.recipe = self._recipe(text, faces=faces)
             one.die, one.target = design, target
             one.candidates, one.candidate_designs = (facts,), ()
             one.callbacks = Callbacks()
@@ -202,20 +202,15 @@ class Shop:
                 return
             ids[facts] = key
 
-        def on_part(done: int, whole: int, unit: str) -> None:
-            check()
-            if unit == "dice":
-                emit({"progress": len(ids)})
-
         ids = dict[Candidate, str]()
         callbacks = Callbacks(
             on_start=lambda _: check(),
             on_step=lambda _: check(),
-            on_part=on_part,
+            on_part=lambda *_: check(),
             on_candidate=on_candidate,
         )
         try:
-            recipe = self._recipe(text, purpose=purpose, candidates=CANDIDATES)
+            recipe = self._recipe(text, candidates=wanted)
             work = Work(recipe, callbacks=callbacks, enlarge=True)
             run_stages(work, last="design")
             order = [ids[facts] for facts in work.candidates if facts in ids]
@@ -234,14 +229,14 @@ class Shop:
         style, hands = _thrown_style(work)
         return {
             "id": key,
-            "name": facts.name[:1].upper() + facts.name[1:],
+            "name": facts.name.partition(" of ")[0].partition(",")[0].capitalize(),
             "faces": facts.faces,
             "is_read_on_top": work.reading is None or work.reading.way != "down",
             "hands": hands,
             "style": style,
             "size_mm": work.recipe.size_mm,
-            "stretch": facts.quotient,
-            "lacks": facts.lacks,
+            "weight_g": facts.weight_g,
+            "is_sensitive": facts.prints > MANY_ERRORS,
             "mesh": mesh_data(work),
         }
 
@@ -274,7 +269,7 @@ class Shop:
         if dress.get("labels") == "pips":
             engrave["content"] = "pips"
         if dress.get("labels") == "icons":
-            engrave["icons"] = dict(zip(labels, ICON_NAMES, strict=False))
+            engrave["icons"] = {label: label for label in labels if label in ICON_NAMES}
         if engrave:
             entries["engrave"] = engrave
         edges = dress.get("edges", "sharp")
@@ -292,8 +287,12 @@ class Shop:
         return self._finished.get(_key({"die": query["die"], "dress": dress}))
 
     def work(self, query: Mapping[str, Any]) -> Work:
-        """The finished die of a request. query: "die", its number, and "dress"."""
+        """The finished die of a request with "die" and "dress"."""
         return self._find(query).work
+
+    def viewed(self, query: Mapping[str, Any]) -> ViewedBody:
+        """The finished die of a request, as a body."""
+        return self._find(query).viewed
 
     def dress(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """A die with its labels and edges: its mesh, labels, verdict and probabilities."""
@@ -324,23 +323,31 @@ class Shop:
         printability, tolerances = work.printability, work.tolerances
         assert printability is not None
         assert work.recipe.print is not None
-        name = PRINTERS[work.recipe.print.printer].line.partition(",")[0]
+        printer = work.recipe.print.selected_printer
         strokes = [label.stroke_mm for label in printability.labels if label.stroke_mm]
+        ridges = [label.ridge_mm for label in printability.labels if label.ridge_mm]
         least = f"Strokes of {min(strokes):.1f} mm. " if strokes else ""
+        size = None
         if work.status not in (Status.CONVERGED, Status.OFF_TABLE):
             style, title, text = "bad", "It is not right yet.", work.message.splitlines()[0]
         elif printability.warnings:
             style, title = "bad", "Details are too fine."
-            text = " ".join(f"{one[:1].upper()}{one[1:]}." for one in printability.warnings[:2])
+            is_raised = work.recipe.engrave is not None and work.recipe.engrave.style == "raised"
+            stroke_mm = printer.raised_mm if is_raised else printer.groove_mm
+            needs = [stroke_mm / stroke for stroke in strokes]
+            needs += [printer.ridge_mm / ridge for ridge in ridges]
+            larger = math.ceil(work.recipe.size_mm * max(needs, default=1.0))
+            if work.recipe.size_mm < larger <= MAX_ADVISED_MM:
+                size = larger
+            text = f"{printability.warnings[0].partition(':')[0]}."
+            text = text[:1].upper() + text[1:]
         elif tolerances is None:
             style, title, text = "ok", "It prints.", least
-        elif tolerances.allowed_mm is not None and (
-            tolerances.allowed_mm < tolerances.assumed.get("dimensional_mm", 0.0)
-        ):
+        elif tolerances.noticed > MAX_NOTICED and tolerances.allowed_mm is not None:
             style, title = "warn", "It prints, but print it with care."
             text = (
-                f"Faces must be within {tolerances.allowed_mm:.2g} mm; this printer ({name}) "
-                f"usually keeps {tolerances.assumed['dimensional_mm']:.2g} mm. A larger die helps."
+                f"Faces must be within {tolerances.allowed_mm:.2g} mm; such a printer usually "
+                f"keeps {tolerances.assumed['dimensional_mm']:.2g} mm. A larger die helps."
             )
         else:
             style, title = "ok", "It prints well."
@@ -349,108 +356,20 @@ class Shop:
             "style": style,
             "title": title,
             "text": text,
+            "size_mm": size,
             "weight_g": printability.weight_g,
         }
 
     def throw(self, query: Mapping[str, Any]) -> dict[str, Any]:
-        """Throw a die, or set it down: counts by outcome, and the motion of the last time.
-
-        query: "die", "dress", "count" from 1, "seed", and "table", None to set it down.
-        """
-        finished, count, seed = self._find(query), int(query["count"]), int(query["seed"])
-        if not 1 <= count <= 1000 or seed < 0:
-            raise InputError(f"count: expected 1 to 1,000, got {count}; change it")
-        work, table = finished.work, query["table"]
-        counts = np.zeros(len(work.target.labels), dtype=np.int64)
-        if table is None:
-            poses, outcomes = work.final.poses, work.final.outcomes
-            downs = unit_vectors(np.random.default_rng(seed).normal(size=(count, 3)))
-            motion, rest = release_motion(poses, downs[-1])
-            rests = [*basin_of_directions(poses, downs[:-1]).tolist(), rest]
-            counts += outcomes.sums(np.bincount(rests, minlength=len(poses.facets))).astype(int)
-        else:
-            if table not in TABLE_NAMES:
-                raise InputError(
-                    f"table: expected {', '.join(TABLE_NAMES)}, got {table!r}; take one of these"
-                )
-            die = finished.on_table(table)
-            outcomes, poses = die.outcomes, die.poses
-            rng = np.random.default_rng(seed)
-            on = die.tables[int(rng.integers(len(die.tables)))]
-            film = throw_film(die.body, on, seed, candidates=1)
-            rest = film.rest
-            motion = film_motion(film)
-            if rest >= 0:
-                counts[outcomes.outcome_of_rest[rest]] += 1
-            if count > 1:
-                throws = die.simulate(count - 1, seed)
-                counts += die.counts(throws).sum(axis=0)[:-1]
-        last = -1 if rest < 0 else int(outcomes.outcome_of_rest[rest])
-        return {
-            "counts": counts.tolist(),
-            "outcome": last,
-            "down": None if rest < 0 else poses.normals[rest].tolist(),
-            "motion": {
-                "seconds": motion.seconds.tolist(),
-                "positions": packed(motion.positions, "<f4"),
-                "quaternions": packed(motion.quaternions, "<f4"),
-            },
-        }
+        """Throws of a die; see `throw_body`."""
+        return throw_body(self._find(query).viewed, query)
 
     def judge(self, query: Mapping[str, Any]) -> dict[str, Any]:
-        """One sentence on counted throws. query: as for `throw`, with "counts"."""
-        work = self._find(query).work
+        """Sentence on "counts" of a die thrown on a "table", None if set down."""
+        work = self.work(query)
+        forecast = None if query["table"] is None else work.forecast
         counts = np.array(query["counts"], dtype=np.int64)
-        target, labels = work.target.probabilities, work.target.labels
-        throws = int(counts.sum())
-        if throws == 0:
-            return {"style": "info", "text": "No throws yet. The marks show what to expect."}
-        if throws < FEW_THROWS:
-            times = "throw" if throws == 1 else "throws"
-            return {
-                "style": "info",
-                "text": f"{throws} {times} so far: too few to tell. Throw 100.",
-            }
-        p_value = chi_square(counts, target).p_value
-        rate = 100.0 * p_value
-        worst = int(np.argmax(np.abs(counts - throws * target) / np.sqrt(throws * target)))
-        if p_value < WRONG:
-            advice = (
-                ""
-                if query["table"] is None
-                else (" Set it down gently, or pick a die that is right on a table.")
-            )
-            return {
-                "style": "bad",
-                "text": f"Not as designed: {labels[worst]} came up {counts[worst]} times; expect "
-                f"{throws * target[worst]:.0f}.{advice}",
-            }
-        forecast = work.forecast
-        if (
-            query["table"] is not None
-            and forecast is not None
-            and forecast.is_off(tuple(target.tolist()))
-        ):
-            got, wanted = np.array(forecast.probabilities), target
-            most = int(np.argmax(np.abs(got / wanted - 1.0)))
-            return {
-                "style": "warn",
-                "text": "Too few throws to show it, but thrown, this die is off: expect "
-                f"{labels[most]} in {100 * got[most]:.2g} %, not {100 * wanted[most]:.2g} %, of "
-                "many throws.",
-            }
-        if p_value < UNUSUAL:
-            often = "less than 1" if rate < 1.0 else f"only {rate:.0f}"
-            return {
-                "style": "warn",
-                "text": f"Unusual: a perfect die strays this far in {often} of 100 such series. "
-                "Throw 100 more to be sure.",
-            }
-        often = "nearly all" if rate >= 99.0 else f"{rate:.0f} of 100"
-        return {
-            "style": "ok",
-            "text": f"As expected: even a perfect die strays this far in {often} such series.",
-        }
+        return judge_throws(counts, work.target.probabilities, work.target.labels, forecast)
 
     def file(self, query: Mapping[str, Any]) -> tuple[str, bytes]:
         """Name and content of a file of a die. query: "kind" is an ending of `FILE_FORMATS`, "yaml"
@@ -500,6 +419,8 @@ def _short(error: DiceError, text: str) -> str:
 def _labels(dress: Mapping[str, Any], labels: tuple[str, ...]) -> tuple[str, ...]:
     """Labels of the outcomes by the choice of the page."""
     choice = dress.get("labels")
+    if choice == "icons":
+        return (*ICON_NAMES[: len(labels)], *labels[len(ICON_NAMES) :])
     if choice == "letters":
         return tuple(_letters(number) for number in range(len(labels)))
     if choice == "own":
@@ -537,45 +458,47 @@ def _thrown_style(work: Work) -> tuple[str, str]:
 
 def mesh_data(work: Work) -> dict[str, Any]:
     """Mesh of the finished die about its center of mass, with a code for each triangle, and its
-    rests."""
-    contents = die_contents(work)
-    finished = make_finished_die(work)
-    outcome_of_rest = np.append(work.plain.outcomes.outcome_of_rest, -1)
+    rests. A facet has the code of the outcome whose label is on it."""
+    contents, finished = die_contents(work), make_finished_die(work)
+    poses, outcome_of_rest = work.final.poses, work.final.outcomes.outcome_of_rest
+    shown = np.append(_shown_outcomes(work), -1)
     points, triangles, codes = [], [], []
     first = 0
     for part in contents.parts:
         rests = rests_of_triangles(part, finished)
-        outcomes = outcome_of_rest[rests]
-        code = np.where(outcomes < 0, BLANK_CODE, np.minimum(outcomes, MAX_OUTCOME_CODE))
-        labels = part.labels if part.labels is not None else np.zeros(len(rests), dtype=bool)
+        code = np.where(shown[rests] < 0, BLANK_CODE, np.minimum(shown[rests], MAX_OUTCOME_CODE))
+        labels = np.zeros(len(rests), dtype=bool) if part.labels is None else part.labels
         if part.name == "labels":
-            labels = np.ones(len(rests), dtype=bool)
+            labels = ~labels
         normals = doubled_area_vectors(part.points, part.triangles)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+        normals /= np.maximum(norms(normals), np.finfo(np.float64).tiny)[:, None]
         facets = np.append(work.plain.poses.normals, np.zeros((1, 3)), axis=0)[rests]
-        is_edge = ~labels & ((normals * facets).sum(axis=1) < SHAPE_NORMAL_COSINE)
+        is_edge = ~labels & ((normals * facets).sum(axis=1) < FLAT_COSINE)
         if work.die.reshaped is None:
             code = np.where(is_edge, EDGE_CODE, code)
         points.append(part.points)
         triangles.append(part.triangles + first)
         codes.append(code + np.where(labels, LABEL_CODE, 0))
         first += len(part.points)
-    poses = work.final.poses
+    outcome = int(work.target.probabilities.argmax())
+    pairs = zip(poses.normals.tolist(), outcome_of_rest.tolist(), strict=True)
     return {
-        "points": packed(np.concatenate(points) - poses.center_of_mass, "<f4"),
-        "triangles": packed(np.concatenate(triangles), "<u4"),
-        "codes": packed(np.concatenate(codes), "<u1"),
-        "rests": [
-            {"down": normal, "outcome": outcome}
-            for normal, outcome in zip(
-                poses.normals.tolist(), work.final.outcomes.outcome_of_rest.tolist(), strict=True
-            )
-        ],
-        "show": _nicest_rest(poses, work),
+        "points": pack_numbers(np.concatenate(points) - poses.center_of_mass, "<f4"),
+        "triangles": pack_numbers(np.concatenate(triangles), "<u4"),
+        "codes": pack_numbers(np.concatenate(codes), "<u1"),
+        "rests": [{"down": down, "outcome": row} for down, row in pairs],
+        # In pictures the most probable outcome has come up.
+        "show": int(np.argmax(outcome_of_rest == outcome)),
     }
 
 
-def _nicest_rest(poses: RestPoses, work: Work) -> int:
-    """Rest in which a die is shown: that of the most probable outcome."""
-    outcome = int(work.target.probabilities.argmax())
-    return int(np.argmax(work.final.outcomes.outcome_of_rest == outcome))
+def _shown_outcomes(work: Work) -> Integers:
+    """(r,) outcome whose label is on the facet of each rest of the plain die; -1 for none, or for
+    labels of several."""
+    normals, labels = work.plain.poses.normals, work.target.labels
+    on_facet = [set[int]() for _ in normals]
+    for placement in work.finished.placements:
+        cosines = normals @ placement.frame[:3, 2]
+        if cosines.max() > FLAT_COSINE:
+            on_facet[int(cosines.argmax())].add(labels.index(placement.text))
+    return np.array([min(own) if len(own) == 1 else -1 for own in on_facet])

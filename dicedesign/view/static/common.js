@@ -32,11 +32,18 @@ export async function post(path, value, { signal, body } = {}) {
 
 export const postJson = async (...request) => (await post(...request)).json();
 
+/** Save the answer of the server as a file. */
+export async function download(path, value, name) {
+  const blob = await (await post(path, value)).blob(), address = URL.createObjectURL(blob);
+  make('a', { href: address, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(address), 1000);
+}
+
 const MARKS = {
-  ok: ['Good: ', '<circle cx="10" cy="10" r="9" fill="currentColor"/><path d="m5.800 10.400 2.900 2.900 5.600-6.200" fill="none" stroke="var(--card)" stroke-width="2" stroke-linecap="round" stroke-linejoin="round"/>'],
-  warn: ['Caution: ', '<path d="M10 1.800 19 18H1Z" fill="currentColor" stroke="currentColor" stroke-width="1.600" stroke-linejoin="round"/><path d="M10 7.400v5M10 14.800v.6" stroke="var(--card)" stroke-width="2" stroke-linecap="round"/>'],
-  bad: ['Not yet: ', '<path d="M6.300 1.200h7.400l5.100 5.100v7.400l-5.100 5.100H6.300l-5.100-5.100V6.300Z" fill="currentColor"/><path d="m7 7 6 6m0-6-6 6" stroke="var(--card)" stroke-width="2" stroke-linecap="round"/>'],
-  info: ['', '<circle cx="10" cy="10" r="8" fill="none" stroke="currentColor" stroke-width="1.800"/><path d="M10 9v5M10 5.800v.6" stroke="currentColor" stroke-width="2" stroke-linecap="round"/>'],
+  ok: ['Good: ', '<circle cx="10" cy="10" r="9" fill="currentColor"/><path d="m5.8 10.4 2.9 2.9 5.6-6.2" fill="none" stroke="var(--card)" stroke-width="2" stroke-linecap="round" stroke-linejoin="round"/>'],
+  warn: ['Caution: ', '<path d="M10 1.8 19 18H1Z" fill="currentColor" stroke="currentColor" stroke-width="1.6" stroke-linejoin="round"/><path d="M10 7.400v5M10 14.800v.6" stroke="var(--card)" stroke-width="2" stroke-linecap="round"/>'],
+  bad: ['Not yet: ', '<path d="M6.3 1.200h7.400l5.1 5.100v7.400l-5.1 5.100H6.300l-5.1-5.100V6.300Z" fill="currentColor"/><path d="m7 7 6 6m0-6-6 6" stroke="var(--card)" stroke-width="2" stroke-linecap="round"/>'],
+  info: ['', '<circle cx="10" cy="10" r="8" fill="none" stroke="currentColor" stroke-width="1.8"/><path d="M10 9v5M10 5.800v.6" stroke="currentColor" stroke-width="2" stroke-linecap="round"/>'],
 };
 
 /** Mark of a status: a shape of its own, and a word for those who do not see it. */
@@ -63,36 +70,57 @@ export const chip = (label, color, text) =>
 
 export const percent = (p) => `${(100 * p).toFixed(p < 0.0995 ? 1 : 0).replace(/\.0$/, '')} %`;
 
-const BAND = 1.96; // Standard deviations around the expected count, for 95 % of series.
-const MIN_BAND = 20; // Number of throws from which the band is shown.
-
-/** Rows of counted and expected throws. */
-export function tallyRows(body, { labels, colors, texts, expected, counts }) {
-  const total = counts.reduce((a, b) => a + b, 0);
-  const deviation = expected.map((p) => (total >= MIN_BAND ? BAND * Math.sqrt((p * (1 - p)) / total) : 0));
-  const share = counts.map((count) => (total ? count / total : 0));
-  const most = Math.min(1, 1.1 * Math.max(...expected.map((p, i) => Math.max(p + deviation[i], total >= MIN_BAND ? share[i] : p))));
+/** Rows of labeled bars. Lengths are shares of `most`; marks and bands may be missing; `cells` are lists of children. */
+export function barRows(body, { labels, colors, texts, values, marks = [], bands = [], cells, most }) {
   const width = (p) => `${Math.max(0, Math.min(100, (100 * p) / most))}%`;
   body.parentElement.classList.toggle('tight', labels.length > 6);
-  if (body.rows.length !== labels.length || body.dataset.of !== labels.join('\n')) {
-    body.dataset.of = labels.join('\n');
+  const key = [...labels, ...colors].join('\n');
+  if (body.dataset.key !== key) {
+    body.dataset.key = key;
     body.replaceChildren(...labels.map((label, i) => make('tr', {},
       make('th', { scope: 'row' }, chip(label, colors[i], texts[i])),
       make('td', {}, make('div', { className: 'bar' }, make('i', { style: `background:${colors[i]}` }), make('u'), make('s'))),
       make('td'))));
   }
   labels.forEach((_, i) => {
-    const [fill, band, expectedMark] = body.rows[i].cells[1].firstElementChild.children;
-    fill.style.width = width(share[i]);
-    expectedMark.style.left = width(expected[i]);
-    const [low, high] = [Math.max(0, expected[i] - deviation[i]), Math.min(most, expected[i] + deviation[i])];
+    const row = body.rows[i], [fill, band, at] = row.cells[1].firstElementChild.children;
+    fill.style.width = width(values[i]);
+    at.hidden = marks[i] == null;
+    at.style.left = width(marks[i] ?? 0);
+    const [low, high] = bands[i] ?? [0, 0];
     band.style.left = width(low);
-    band.style.width = `${(100 * (high - low)) / most}%`;
-    const awaited = total * expected[i];
-    body.rows[i].cells[2].replaceChildren(...(total
-      ? [String(counts[i]), ' ', make('small', { textContent: `(${awaited.toFixed(total < 100 ? 1 : 0).replace(/\.0$/, '')})` })]
-      : [make('small', { textContent: percent(expected[i]) })]));
+    band.style.width = `${Math.max(0, (100 * (Math.min(high, most) - Math.max(low, 0))) / most)}%`;
+    row.cells[2].replaceChildren(...cells[i]);
   });
+}
+
+const BAND = 1.96; // Standard deviations around the expected count, for 95 % of series.
+const MIN_BAND = 20; // Number of throws from which the band is shown.
+
+/** Rows of counted and expected throws. */
+export function tallyRows(body, { labels, colors, texts, expected, counts }) {
+  const total = counts.reduce((a, b) => a + b, 0), isJudged = total >= MIN_BAND;
+  const values = counts.map((count) => (total ? count / total : 0));
+  const bands = expected.map((p) => {
+    const deviation = isJudged ? BAND * Math.sqrt((p * (1 - p)) / total) : 0;
+    return [p - deviation, p + deviation];
+  });
+  const most = Math.min(1, 1.1 * Math.max(...expected.map((p, i) => Math.max(bands[i][1], isJudged ? values[i] : p))));
+  const awaited = (p) => (total * p).toFixed(total < 100 ? 1 : 0).replace(/\.0$/, '');
+  const cells = expected.map((p, i) => (total
+    ? [String(counts[i]), ' ', make('small', { textContent: `(${awaited(p)})` })]
+    : [make('small', { textContent: percent(p) })]));
+  barRows(body, { labels, colors, texts, values, marks: expected, bands, cells, most });
+}
+
+/** Ends the request before when the next begins; returns a function that gives the signal of the next. */
+export function takeLatest() {
+  let before = null;
+  return () => {
+    before?.abort();
+    before = new AbortController();
+    return before.signal;
+  };
 }
 
 /** Light or dark colors: as chosen here, else as the system. */
