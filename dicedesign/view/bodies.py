@@ -18,12 +18,12 @@ import numpy as np
 
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.reading import read_body, stl_bytes
-from dicedesign.geometry.triangles import doubled_area_vectors
-from dicedesign.palette import BLANK, outcome_colors, text_color
-from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.palette import BLANK, INK, outcome_colors, text_color
+from dicedesign.report.discs import RADIUS, basin_outlines
+from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.momentum_model import momentum_model
-from dicedesign.view.dice import BLANK_CODE, Shop
+from dicedesign.view.dice import Shop
+from dicedesign.view.meshes import rest_codes
 from dicedesign.view.sources import Source
 from dicedesign.view.throwing import pack_numbers, throw_body
 from dicedesign.view.viewed_body import ViewedBody, decimate, facet_vertices
@@ -39,17 +39,14 @@ MAX_ROWS = 24
 MAX_DRAGGED_CORNERS = 2000
 """Corners of a hull up to which it can be dragged."""
 
-FLAT_COSINE = 0.999
-"""Cosine of the largest angle between a resting facet and triangles that are part of it."""
-
-FLAT_HEIGHT = 1e-3
-"""Largest height of these triangles over the facet, relative to the size of the body."""
-
 MIN_LABEL_PROBABILITY = 0.008
 """Probability from which on a basin has its label in the map."""
 
-LABEL_PIXELS = 26.0
+LABEL_PIXELS = 32.0
 """Height of the labels in the map."""
+
+EDGE_PIXELS = 4.0
+"""Margin around a half of the map."""
 
 
 class Bodies:
@@ -61,14 +58,15 @@ class Bodies:
 
     def __init__(self, shop: Shop, source: Source | None) -> None:
         self._shop, self._source = shop, source
-        self._states: OrderedDict[int, ViewedBody] = OrderedDict()
+        # With codes of the mesh's triangles, if it is a die.
+        self._states: OrderedDict[int, tuple[ViewedBody, Integers | None]] = OrderedDict()
         self._numbers, self._lock = count(1), threading.Lock()
         self.names: tuple[str, ...] = () if source is None else source.names
 
     def open(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Open a body: "name" of the command line's, or "die" and "dress" of a die."""
         if "die" in query:
-            return self._keep(self._shop.viewed(query))
+            return self._keep(*self._shop.viewed(query))
         if self._source is None or query["name"] not in self.names:
             raise InputError(f"name: expected one of the page's, got {query['name']!r}; reload it")
         return self._keep(self._source.load(query["name"], lambda _: None))
@@ -88,7 +86,7 @@ class Bodies:
     def change(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Change a state: "center" (3,), or "uniform", or "vertices" of the hull moved by "by"
         (3,)."""
-        viewed, note = self._find(query), ""
+        (viewed, codes), note = self._find(query), ""
         if "center" in query:
             viewed, was_outside = viewed.with_center(np.array(query["center"], dtype=np.float64))
             if was_outside:
@@ -104,49 +102,52 @@ class Bodies:
                     f"{len(corners):,}; take a simpler body"
                 )
             viewed = viewed.with_vertices(vertices, corners[vertices] + np.array(query["by"]))
-        return self._keep(viewed) | {"note": note}
+        return self._keep(viewed, codes) | {"note": note}
 
     def probabilities(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """(rows,) "thrown" probabilities of a state by the momentum model of a "table"."""
-        thrown = self._find(query).throw_probabilities(momentum_model(query["table"]))
+        thrown = self._find(query)[0].throw_probabilities(momentum_model(query["table"]))
         return {"thrown": thrown.tolist()}
 
     def throw(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Throws of a state; see `throw_body`."""
-        return throw_body(self._find(query), query)
+        return throw_body(self._find(query)[0], query)
 
     def gauss_map(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Gauss map of a state as an SVG figure."""
-        return {"svg": _map_svg(self._find(query))}
+        return {"svg": _map_svg(self._find(query)[0])}
 
     def hull_file(self, query: Mapping[str, Any]) -> bytes:
         """STL file of the hull of a state."""
-        return stl_bytes(self._find(query).hull.surface)
+        return stl_bytes(self._find(query)[0].hull.surface)
 
-    def _find(self, query: Mapping[str, Any]) -> ViewedBody:
+    def _find(self, query: Mapping[str, Any]) -> tuple[ViewedBody, Integers | None]:
         with self._lock:
-            viewed = self._states.get(int(query["state"]))
-        if viewed is None:
+            state = self._states.get(int(query["state"]))
+        if state is None:
             raise InputError("body: expected one that is still open, got an old one; open it again")
-        return viewed
+        return state
 
-    def _keep(self, viewed: ViewedBody) -> dict[str, Any]:
+    def _keep(self, viewed: ViewedBody, codes: Integers | None = None) -> dict[str, Any]:
         number = next(self._numbers)
         with self._lock:
-            self._states[number] = viewed
+            self._states[number] = viewed, codes
             while len(self._states) > KEPT_STATES:
                 self._states.popitem(last=False)
-        return describe(viewed) | {"state": number}
+        return _describe(viewed, codes) | {"state": number}
 
 
-def describe(viewed: ViewedBody) -> dict[str, Any]:
-    """Data of a body for the page: mesh about the center of mass, rows and facts."""
+def _describe(viewed: ViewedBody, codes: Integers | None) -> dict[str, Any]:
+    """Data of a body for the page: mesh about the center of mass, rows and facts. codes: of the
+    triangles of its mesh, or None to color its resting facets."""
     body, hull, poses = viewed.shape.body, viewed.hull, viewed.poses
     rows = viewed.rows[:MAX_ROWS]
     points, triangles = hull.vertices, hull.triangles
     is_hull = viewed.is_dragged or body.triangles is None
     if body.triangles is not None and not is_hull:
         points, triangles = decimate(body.points, body.triangles)
+    if codes is None or is_hull or len(codes) != len(triangles):
+        codes = rest_codes(viewed, points, triangles, MAX_ROWS)
     others = float(sum(row.probability for row in viewed.rows[MAX_ROWS:]))
     errors = [abs(row.probability - row.target) for row in viewed.rows if row.target is not None]
     kind = "points"
@@ -176,7 +177,7 @@ def describe(viewed: ViewedBody) -> dict[str, Any]:
         "mesh": {
             "points": pack_numbers(points - viewed.center, "<f4"),
             "triangles": pack_numbers(triangles, "<u4"),
-            "codes": pack_numbers(_codes(viewed, points, triangles), "<u1"),
+            "codes": pack_numbers(codes, "<u1"),
             "rests": [
                 {"down": normal, "outcome": row}
                 for normal, row in zip(
@@ -204,55 +205,36 @@ def _row_colors(viewed: ViewedBody) -> list[str]:
     return [*colors, BLANK][:count]
 
 
-def _codes(viewed: ViewedBody, points: Floats, triangles: Integers) -> Integers:
-    """(t,) row of the resting facet that each triangle is part of, or `BLANK_CODE`."""
-    codes = np.full(len(triangles), BLANK_CODE, dtype=np.int64)
-    middles, normals = points[triangles].mean(axis=1), doubled_area_vectors(points, triangles)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), np.finfo(np.float64).tiny)[:, None]
-    poses, within = viewed.poses, FLAT_HEIGHT * viewed.hull.diameter
-    for rest, row in enumerate(viewed.row_of_rest.tolist()):
-        if row >= min(MAX_ROWS, len(viewed.rows)):
-            continue
-        normal = poses.normals[rest]
-        height = (viewed.hull.vertices @ normal).max() - middles @ normal
-        codes[(normals @ normal > FLAT_COSINE) & (height < within)] = row
-    return codes
-
-
 def _map_svg(viewed: ViewedBody) -> str:
-    """Two hemispheres of the Gauss map with basins in the colors of the rows, and their labels."""
-    poses, colors = viewed.poses, _row_colors(viewed)
-    width, height = MAP_SIZE[0], MAP_SIZE[1] - 75.0
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" role="img" '
-        'aria-label="Gauss map: for each direction that points down at release, the outcome">'
-    ]
-    rows = [min(row, len(colors) - 1) for row in viewed.row_of_rest.tolist()]
+    """Two hemispheres of the Gauss map, one figure each, with basins in the colors of the rows, and
+    their labels."""
+    poses, colors, figures = viewed.poses, _row_colors(viewed), []
+    rows = np.minimum(viewed.row_of_rest, len(colors) - 1).tolist()
     for number, (disc, outlines) in enumerate(basin_outlines(poses)):
         x, y = disc.middle
         circle = f'cx="{x:g}" cy="{y:g}" r="{RADIUS:g}"'
-        parts.append(f'<clipPath id="disc{number}"><circle {circle}/></clipPath>')
-        parts.append(f'<g clip-path="url(#disc{number})" stroke="#14171a" stroke-width="2">')
-        for rest, rings in enumerate(outlines):
+        corner, side = disc.middle - RADIUS - EDGE_PIXELS, 2.0 * (RADIUS + EDGE_PIXELS)
+        parts = [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{corner[0]:g} {corner[1]:g} '
+            f'{side:g} {side:g}" role="img" aria-label="Half {number + 1} of the Gauss map">',
+            f'<clipPath id="disc{number}"><circle {circle}/></clipPath>',
+            f'<g clip-path="url(#disc{number})" stroke="{INK}" stroke-width="2">',
+        ]
+        for row, rings in zip(rows, outlines, strict=True):
             path = "".join(
                 "M" + "L".join(f"{px:.1f} {py:.1f}" for px, py in ring) + "Z" for ring in rings
             )
             if path:
-                parts.append(
-                    f'<path fill="{colors[rows[rest]]}" fill-rule="evenodd" d="{path}"'
-                    f' data-row="{rows[rest]}"/>'
-                )
-        parts.append(f'</g><circle {circle} fill="none" stroke="#14171a" stroke-width="2"/>')
-        for rest, row in enumerate(rows):
-            normal = poses.normals[rest]
-            if poses.probabilities[rest] < MIN_LABEL_PROBABILITY or disc.heights(normal) <= 0.0:
+                parts.append(f'<path fill="{colors[row]}" fill-rule="evenodd" d="{path}"/>')
+        parts.append(f'</g><circle {circle} fill="none" stroke="{INK}" stroke-width="3"/>')
+        for row, normal, probability in zip(rows, poses.normals, poses.probabilities, strict=True):
+            if probability < MIN_LABEL_PROBABILITY or disc.heights(normal) <= 0.0:
                 continue
             px, py = disc.to_paper(disc.project(normal))
-            label = escape(viewed.rows[viewed.row_of_rest[rest]].label)
             parts.append(
                 f'<text x="{px:.1f}" y="{py + 0.36 * LABEL_PIXELS:.1f}" font-size="{LABEL_PIXELS}" '
                 f'font-weight="700" text-anchor="middle" fill="{text_color(colors[row])}">'
-                f"{label}</text>"
+                f"{escape(viewed.rows[row].label)}</text>"
             )
-    parts.append("</svg>")
-    return "".join(parts)
+        figures.append("".join([*parts, "</svg>"]))
+    return "".join(figures)

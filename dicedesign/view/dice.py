@@ -21,22 +21,20 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes
 from dicedesign.fabricate.finish_options import ICON_NAMES
 from dicedesign.geometry.meshes.body import body_of
-from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import doubled_area_vectors
 from dicedesign.optimize.targets import Target
 from dicedesign.palette import outcome_colors, text_color
 from dicedesign.recipe.callbacks import Callbacks
-from dicedesign.recipe.output import die_contents, draw_figures, make_finished_die, write_page
+from dicedesign.recipe.output import die_contents, draw_figures, write_page
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target, recipe_text
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.report.pages import rests_of_triangles
 from dicedesign.results.parts import READINGS, Candidate, Status
 from dicedesign.runtime.arrays import Integers
-from dicedesign.view.throwing import judge_throws, pack_numbers, throw_body
+from dicedesign.view.meshes import mesh_data, triangle_codes
+from dicedesign.view.throwing import judge_throws, throw_body
 from dicedesign.view.viewed_body import ViewedBody, outcomes_of
 
-__all__ = ["BLANK_CODE", "Shop", "Stopped"]
+__all__ = ["Shop", "Stopped"]
 
 CANDIDATES = 6
 """Dice that are offered for a target."""
@@ -47,24 +45,17 @@ MAX_PROBABILITIES = 40
 KEPT_DIES = 24
 """Designs, and finished dice, that are kept in memory."""
 
-FLAT_COSINE = 0.9999
-"""Cosine of the largest angle between a triangle and the facet that it is part of; others are on
-rounded edges."""
-
 ANY_HAND = 5e-4
 """Total variation for nine in ten hands below which a die is right in any hand."""
-
-EDGE_CODE, BLANK_CODE, LABEL_CODE = 63, 62, 128
-"""Codes of triangles: rounded edge, facet without an outcome, and the bit of labels."""
-
-MAX_OUTCOME_CODE = 61
-"""Outcome codes are at most this; outcomes beyond share it."""
 
 MAX_ADVISED_MM = 100.0
 """Largest size that is advised for the sake of fine labels."""
 
 MAX_NOTICED = 0.1
 """Share of prints that a test of 1,000 rolls may reject, of which 0.05 are perfect ones."""
+
+WRONG_SUM = "expected a sum of 1, got "
+"""Start of the message on probabilities with another sum."""
 
 MANY_ERRORS = 0.03
 """Mean total variation of prints from which a die is better printed in resin."""
@@ -290,9 +281,10 @@ class Shop:
         """The finished die of a request with "die" and "dress"."""
         return self._find(query).work
 
-    def viewed(self, query: Mapping[str, Any]) -> ViewedBody:
-        """The finished die of a request, as a body."""
-        return self._find(query).viewed
+    def viewed(self, query: Mapping[str, Any]) -> tuple[ViewedBody, Integers]:
+        """The finished die of a request as a body, and codes (t,) of its triangles."""
+        finished = self._find(query)
+        return finished.viewed, triangle_codes(finished.work)[0]
 
     def dress(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """A die with its labels and edges: its mesh, labels, verdict and probabilities."""
@@ -413,7 +405,10 @@ def _short(error: DiceError, text: str) -> str:
     if not text:
         return "Write what to roll: dice such as 2d6, or chances such as 50%, 30%, 20%."
     message = str(error).removeprefix("target: ").removeprefix("probabilities: ")
-    return message[:1].upper() + message[1:] + "."
+    if message.startswith(WRONG_SUM):
+        total = message.removeprefix(WRONG_SUM).partition(";")[0]
+        return f"These add up to {total}. Chances add up to 1, or to 100 %."
+    return f"{message[:1].upper()}{message[1:].rstrip('?.')}."
 
 
 def _labels(dress: Mapping[str, Any], labels: tuple[str, ...]) -> tuple[str, ...]:
@@ -454,51 +449,3 @@ def _thrown_style(work: Work) -> tuple[str, str]:
     if forecast.is_off(tuple(work.target.probabilities.tolist())):
         return "warn", "Only when set down"
     return "ok", "Right on a table"
-
-
-def mesh_data(work: Work) -> dict[str, Any]:
-    """Mesh of the finished die about its center of mass, with a code for each triangle, and its
-    rests. A facet has the code of the outcome whose label is on it."""
-    contents, finished = die_contents(work), make_finished_die(work)
-    poses, outcome_of_rest = work.final.poses, work.final.outcomes.outcome_of_rest
-    shown = np.append(_shown_outcomes(work), -1)
-    points, triangles, codes = [], [], []
-    first = 0
-    for part in contents.parts:
-        rests = rests_of_triangles(part, finished)
-        code = np.where(shown[rests] < 0, BLANK_CODE, np.minimum(shown[rests], MAX_OUTCOME_CODE))
-        labels = np.zeros(len(rests), dtype=bool) if part.labels is None else part.labels
-        if part.name == "labels":
-            labels = ~labels
-        normals = doubled_area_vectors(part.points, part.triangles)
-        normals /= np.maximum(norms(normals), np.finfo(np.float64).tiny)[:, None]
-        facets = np.append(work.plain.poses.normals, np.zeros((1, 3)), axis=0)[rests]
-        is_edge = ~labels & ((normals * facets).sum(axis=1) < FLAT_COSINE)
-        if work.die.reshaped is None:
-            code = np.where(is_edge, EDGE_CODE, code)
-        points.append(part.points)
-        triangles.append(part.triangles + first)
-        codes.append(code + np.where(labels, LABEL_CODE, 0))
-        first += len(part.points)
-    outcome = int(work.target.probabilities.argmax())
-    pairs = zip(poses.normals.tolist(), outcome_of_rest.tolist(), strict=True)
-    return {
-        "points": pack_numbers(np.concatenate(points) - poses.center_of_mass, "<f4"),
-        "triangles": pack_numbers(np.concatenate(triangles), "<u4"),
-        "codes": pack_numbers(np.concatenate(codes), "<u1"),
-        "rests": [{"down": down, "outcome": row} for down, row in pairs],
-        # In pictures the most probable outcome has come up.
-        "show": int(np.argmax(outcome_of_rest == outcome)),
-    }
-
-
-def _shown_outcomes(work: Work) -> Integers:
-    """(r,) outcome whose label is on the facet of each rest of the plain die; -1 for none, or for
-    labels of several."""
-    normals, labels = work.plain.poses.normals, work.target.labels
-    on_facet = [set[int]() for _ in normals]
-    for placement in work.finished.placements:
-        cosines = normals @ placement.frame[:3, 2]
-        if cosines.max() > FLAT_COSINE:
-            on_facet[int(cosines.argmax())].add(labels.index(placement.text))
-    return np.array([min(own) if len(own) == 1 else -1 for own in on_facet])

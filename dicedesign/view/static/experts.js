@@ -93,7 +93,7 @@ export class Experts {
     this.stage.setGlass(this.drag === 'center');
     this.stage.mark('center', this.drag === 'center' ? [0, 0, 0] : null);
     if (this.drag !== 'corner') this.stage.mark('handle', null);
-    $('title').textContent = body.name;
+    $('title').textContent = body.name === 'die' ? 'This die' : body.name;
     $('caption').textContent = `${body.rests} stable poses`;
     if (!$('map').hidden) this.showMap();
     this.draw();
