@@ -105,7 +105,7 @@ def design_candidates(work: Work) -> Design:
         measured.append(_measure(work, die, full=wanted > 1))
         work.callbacks.on_candidate(measured[-1], die.target, die.design)
         work.callbacks.on_part(len(found), len(found) + 1, "dice")
-        if wanted == 1 and not measured[-1].lacks:
+        if sum(not one.lacks for one in measured) == wanted:
             break
     if not found:
         raise NoStartError(

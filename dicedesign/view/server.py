@@ -7,6 +7,7 @@ import socket
 import sys
 import webbrowser
 from collections.abc import Callable, Mapping
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -212,8 +213,7 @@ def serve(app: Starlette, listening: socket.socket, address: str, *, browser: bo
     print(address, flush=True)
     if browser and has_screen:
         webbrowser.open(address)
-    try:
+    # It raises the signal again that ended it.
+    with closing(listening), suppress(KeyboardInterrupt):
         uvicorn.Server(config).run(sockets=[listening])
-    finally:
-        listening.close()
     raise KeyboardInterrupt("the page is closed")

@@ -59,7 +59,8 @@ export function mark(style) {
 export function showVerdict(element, style, title, text, button = null) {
   const says = make('div', {}, title ? make('b', { textContent: `${title} ` }) : '', text);
   if (button) says.append(button);
-  element.className = `verdict ${style}`;
+  element.classList.remove('ok', 'warn', 'bad', 'info');
+  element.classList.add(style);
   element.replaceChildren(...mark(style).childNodes, says);
   element.hidden = false;
 }
