@@ -100,9 +100,18 @@ def outcome_colors(count: int) -> list[str]:
 
 
 def text_color(background: str) -> str:
-    """Dark ink where it reaches `MIN_CONTRAST` on a background color, else white."""
-    ink, ground = (luminance(color) for color in (INK, background))
-    return INK if (ground + 0.05) / (ink + 0.05) >= MIN_CONTRAST else "#ffffff"
+    """Ink, white or black on a background color: the first that reaches `MIN_CONTRAST`."""
+    return next(
+        color
+        for color in (INK, "#ffffff", "#000000")
+        if contrast(color, background) >= MIN_CONTRAST
+    )
+
+
+def contrast(a: str, b: str) -> float:
+    """Contrast of two colors, from 1 to 21. Source: Web Content Accessibility Guidelines 2.2."""
+    light, dark = sorted((luminance(a), luminance(b)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
 
 
 def luminance(color: str) -> float:

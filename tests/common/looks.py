@@ -13,7 +13,7 @@ MIN_CONTRAST = 4.5
 """Contrast of text. Source: Web Content Accessibility Guidelines 2.2, criterion 1.4.3."""
 
 MIN_TARGET_PIXELS = 24.0
-"""Side of what can be pressed. Source: Web Content Accessibility Guidelines 2.2, criterion 2.5.8."""
+"""Side of what can be pressed. Source: the same, criterion 2.5.8."""
 
 MIN_TEXT_PIXELS = 11.0
 

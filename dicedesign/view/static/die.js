@@ -184,7 +184,7 @@ function takeNews(news) {
   if (news.error) S.progress = null;
   if (news.die) {
     const model = readMesh(news.die.mesh);
-    paint(model, S.colors, start.blank);
+    paint(model, { ...S, blank: start.blank, scheme: null });
     S.cards.push({ ...news.die, model });
     if (S.die === null) pick(news.die.id);
   }
@@ -316,7 +316,7 @@ function showDie(isSame = false) {
 
 function showColors(only = null) {
   if (!S.model) return;
-  paint(S.model, S.colors, start.blank, SCHEMES[S.scheme][1], only);
+  paint(S.model, { ...S, blank: start.blank, scheme: SCHEMES[S.scheme][1], only });
   stage.redraw();
 }
 

@@ -101,7 +101,7 @@ export class Experts {
 
   color(only = null) {
     if (!this.model) return;
-    paint(this.model, this.body.colors, this.start.blank, null, only);
+    paint(this.model, { ...this.body, blank: this.start.blank, only });
     this.stage.redraw();
   }
 

@@ -15,9 +15,7 @@ const DOWN = new THREE.Vector3(0, 0, -1), UP = new THREE.Vector3(0, 0, 1);
 
 const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
 const ease = (x) => (x < 0.5 ? 4 * x ** 3 : 1 - (2 - 2 * x) ** 3 / 2);
-const luminance = (c) => 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b;
 const INK = new THREE.Color('#14171a'), WHITE = new THREE.Color('#ffffff');
-const textOn = (c) => ((luminance(c) + 0.05) / (luminance(INK) + 0.05) >= 4.5 ? INK : WHITE);
 
 /** Geometry of a mesh from the server. Facets and labels are flat; rounded edges and curved surfaces are smooth. */
 export function readMesh(mesh, isSmooth = true) {
@@ -65,10 +63,10 @@ export function readMesh(mesh, isSmooth = true) {
   return { geometry, code, points, radius, rests: mesh.rests, show: mesh.show };
 }
 
-/** Color a model: colors by outcome; or `scheme` [body, label]; `only` one outcome bright. */
-export function paint(model, colors, blank, scheme = null, only = null) {
+/** Color a model: `colors` and `texts` by outcome, or `scheme` [body, label]; `only` one outcome bright. */
+export function paint(model, { colors, texts: inks, blank, scheme = null, only = null }) {
   const target = model.geometry.getAttribute('color'), none = new THREE.Color(blank);
-  const facets = colors.map((color) => new THREE.Color(color)), texts = facets.map(textOn);
+  const [facets, texts] = [colors, inks].map((all) => all.map((color) => new THREE.Color(color)));
   const [body, label] = scheme ? scheme.map((color) => new THREE.Color(color)) : [];
   const edge = (body ?? none).clone().lerp(WHITE, 0.18), mixed = new THREE.Color();
   model.code.forEach((code, i) => {
