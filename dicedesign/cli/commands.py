@@ -456,14 +456,19 @@ class RollsArguments(WithItem, WithJson):
     Compares counts with the die's probabilities: exact intervals, a test, the total variation, and
     how many more throws would settle it. With --log, type what comes up; each line is saved at
     once. `undo` removes the last throw, an empty line prints the table, `done` or Ctrl-D ends.
+    With --page, tap it on a page instead; Ctrl-C ends it and prints the verdict.
 
     Options:
     die (DIE): folder written by `dicedesign run`, tested for its target; or a mesh, whose labels
         are the numbers of its rests in `dicedesign rest`
     counts (COUNTS.csv): columns label,count; or one column label with a throw on each line
-    log (ROLLS.csv): file for typed throws; an existing one is continued
+    log (ROLLS.csv): file for typed or tapped throws; an existing one is continued
     confidence (C): level of the intervals; the test's level is 1 - C (default: 0.95)
     figure (FILE.png): draw the frequencies next to the probabilities
+    page: tap what comes up on a page in the browser; needs the extra 'view'
+    phone: open the page to devices in the local network, at a secret address
+    port (N): port of the page; 0 for any free one (default: 8080)
+    no_browser: print the address and open no browser
 
     Example: dicedesign rolls outputs/d7 counts.csv"""
 
@@ -473,6 +478,10 @@ class RollsArguments(WithItem, WithJson):
     log: Path | None = None
     confidence: float = 0.95
     figure: Path | None = None
+    page: bool = False
+    phone: bool = False
+    port: int = 8080
+    no_browser: bool = False
     one_of = ("counts", "log")
 
 
