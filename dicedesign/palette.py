@@ -100,9 +100,13 @@ def outcome_colors(count: int) -> list[str]:
 
 
 def text_color(background: str) -> str:
-    """Dark ink where it reaches `MIN_CONTRAST` on a background color, else white."""
-    ink, ground = (luminance(color) for color in (INK, background))
-    return INK if (ground + 0.05) / (ink + 0.05) >= MIN_CONTRAST else "#ffffff"
+    """Dark ink where it reaches `MIN_CONTRAST` on a background color, else white, else black."""
+    ground = luminance(background)
+    for text in (INK, "#ffffff"):
+        dark, light = sorted((ground, luminance(text)))
+        if (light + 0.05) / (dark + 0.05) >= MIN_CONTRAST:
+            return text
+    return "#000000"
 
 
 def luminance(color: str) -> float:

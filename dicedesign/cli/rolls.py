@@ -82,11 +82,16 @@ def judge_rolls(options: RollsArguments) -> int:
 
 
 def _check_page(options: RollsArguments) -> None:
-    """Raise InputError for a page without a file, or for its options without a page."""
+    """Raise InputError for a page without a file or with JSON, or its options without a page."""
     if options.page and options.log is None:
         raise InputError(
             "--page: expected a file for the throws, got none; name it with --log, such as "
             "--log rolls.csv"
+        )
+    if options.page and options.json:
+        raise InputError(
+            "--json: expected no --page, which prints its address; run dicedesign rolls on the "
+            "file afterwards"
         )
     given = {
         "--port": options.port != RollsArguments.port,
@@ -262,7 +267,7 @@ def _describe(labels: Sequence[str], verdict: RollVerdict) -> str:
             f"these probabilities with probability {POWER:g}."
         )
     lines.append(
-        f"If the die's probabilities are these, {verdict.more_to_confirm} more throws would show that they are, to "
-        f"within a total variation of {WITHIN:g}."
+        f"If the die's probabilities are these, {verdict.more_to_confirm} more throws would show "
+        f"that they are, to within a total variation of {WITHIN:g}."
     )
     return "\n".join(lines)

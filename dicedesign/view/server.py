@@ -1,4 +1,4 @@
-"""Pages for this machine, or its local network: their socket, access control, headers, and how they are served."""
+"""Pages for this machine or its local network: socket, access control, headers and serving."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ class Gate:
     def admits(self, headers: Mapping[bytes, list[bytes]]) -> bool:
         """Whether the headers `host` and `origin` of a request are those of this page.
 
-        The host is `host` or this machine. The origin, which is optional, is the host. Pages of other sites
-        can connect to this machine, but cannot choose these headers.
+        The host is `host` or this machine. The origin, which is optional, is the host. Pages of
+        other sites can connect to this machine, but cannot choose these headers.
         """
         hosts, origins = headers.get(b"host", []), headers.get(b"origin", [])
         if len(hosts) != 1 or len(origins) > 1:
