@@ -227,6 +227,7 @@ def test_only_a_page_for_phones_is_open_to_the_network(
         (["counts.csv", "--page"], "--page: expected a file for the throws"),
         (["--log", "rolls.csv", "--phone"], "--phone: expected --page"),
         (["--log", "rolls.csv", "--port", "0"], "--port: expected --page"),
+        (["--log", "rolls.csv", "--page", "--json"], "--json: expected no --page"),
     ],
 )
 def test_a_page_needs_a_file_and_its_options_a_page(

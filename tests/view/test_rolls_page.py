@@ -1,4 +1,4 @@
-"""The page of throws: what is tapped is in the file, for all who use it, and nobody else gets in."""
+"""The page of throws: taps are in the file, all its pages show them, and nobody else gets in."""
 
 from __future__ import annotations
 
