@@ -1,4 +1,4 @@
-"""Pages for this machine alone: their socket, access control, headers, and how they are served."""
+"""Pages for this machine or its local network: socket, access control, headers and serving."""
 
 from __future__ import annotations
 
@@ -20,9 +20,15 @@ if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.types import ASGIApp, Receive, Scope, Send
 
-__all__ = ["Gate", "make_app", "open_socket", "require_server", "serve"]
+__all__ = ["Gate", "make_app", "network_address", "open_socket", "require_server", "serve"]
 
 LOOPBACK = "127.0.0.1"
+
+ANYWHERE = "0.0.0.0"
+"""Address of a socket for all networks of this machine."""
+
+ELSEWHERE = "192.0.2.1"
+"""Address outside any local network. Source: RFC 5737, which reserves it for documentation."""
 
 LOOPBACK_NAMES = frozenset({"localhost", LOOPBACK})
 """Host names of this machine in its own requests."""
@@ -52,22 +58,29 @@ class Gate:
     Attributes
     ----------
     port: of the socket.
-    names: host names under which the page may be opened.
+    host: this machine's address in the URL of the page; its own names are admitted too.
+    key: secret first part of all paths, or "" without one.
     """
 
     port: int
-    names: frozenset[str] = LOOPBACK_NAMES
+    host: str = LOOPBACK
+    key: str = ""
+
+    @property
+    def root(self) -> str:
+        """Beginning of all paths, without a slash at the end."""
+        return f"/{self.key}" if self.key else ""
 
     @property
     def address(self) -> str:
-        """URL of the page on this machine."""
-        return f"http://{LOOPBACK}:{self.port}/"
+        """URL of the page."""
+        return f"http://{self.host}:{self.port}{self.root}/"
 
     def admits(self, headers: Mapping[bytes, list[bytes]]) -> bool:
         """Whether the headers `host` and `origin` of a request are those of this page.
 
-        The host is one of `names`. The origin, which is optional, is the host. Pages of other sites
-        can connect to this machine, but cannot choose these headers.
+        The host is `host` or this machine. The origin, which is optional, is the host. Pages of
+        other sites can connect to this machine, but cannot choose these headers.
         """
         hosts, origins = headers.get(b"host", []), headers.get(b"origin", [])
         if len(hosts) != 1 or len(origins) > 1:
@@ -76,7 +89,7 @@ class Gate:
         name, colon, port = host.rpartition(":")
         name = name if colon and port.isdigit() else host
         origin = origins[0].decode("latin-1").partition("://")[2] if origins else host
-        return name in self.names and origin == host
+        return name in LOOPBACK_NAMES | {self.host} and origin == host
 
 
 class _Guard:
@@ -120,7 +133,7 @@ def make_app(
     Parameters
     ----------
     gate: access control.
-    page: file name of the page in `STATIC`, which is "/".
+    page: file name of the page in `STATIC`, which is "/" after the gate's key.
     routes: functions by the path to which the page posts; each receives the JSON value of the
         request, runs in a thread of its own, and returns a JSON value or a response of Starlette.
         A `DiceError` becomes {"error": its text} with status 422.
@@ -151,12 +164,14 @@ def make_app(
 
         return respond
 
+    root = gate.root
+    posted = [(path, answer(act, False)) for path, act in routes.items()]
+    posted += [(path, answer(act, True)) for path, act in uploads.items()]
     return Starlette(
         routes=[
-            Route("/", lambda _: FileResponse(STATIC / page)),
-            *(Route(path, answer(act, False), methods=["POST"]) for path, act in routes.items()),
-            *(Route(path, answer(act, True), methods=["POST"]) for path, act in uploads.items()),
-            Mount("/static", StaticFiles(directory=STATIC)),
+            Route(f"{root}/", lambda _: FileResponse(STATIC / page)),
+            *(Route(root + path, respond, methods=["POST"]) for path, respond in posted),
+            Mount(f"{root}/static", StaticFiles(directory=STATIC)),
         ],
         middleware=[Middleware(_Guard, gate=gate)],
     )
@@ -192,6 +207,20 @@ def open_socket(port: int, host: str = LOOPBACK) -> socket.socket:
             "--port 0 for any"
         ) from error
     return listening
+
+
+def network_address() -> str:
+    """Address of this machine in its local network. Raises InputError: it is in none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            # Chooses the network interface; nothing is sent.
+            probe.connect((ELSEWHERE, 9))
+        except OSError as error:
+            raise InputError(
+                f"--phone: expected a network for both devices, got none ({error.strerror}); "
+                "connect this machine to the phone's network"
+            ) from error
+        return str(probe.getsockname()[0])
 
 
 def serve(app: Starlette, listening: socket.socket, address: str, *, browser: bool) -> None:
