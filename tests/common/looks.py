@@ -18,7 +18,13 @@ MIN_TARGET_PIXELS = 24.0
 MIN_TEXT_PIXELS = 11.0
 
 _TEXTS = """() => {
-  const rgba = (text) => [...text.match(/[\\d.]+/g).map(Number), 1].slice(0, 4);
+  const pen = document.createElement('canvas').getContext('2d', { willReadFrequently: true });
+  const rgba = (color) => {
+    pen.clearRect(0, 0, 1, 1);
+    pen.fillStyle = color;
+    pen.fillRect(0, 0, 1, 1);
+    return [...pen.getImageData(0, 0, 1, 1).data];
+  };
   const isSeen = (one) => one.checkVisibility({ visibilityProperty: true })
     && !one.closest('.unseen, svg, :disabled, canvas');
   const isText = (one) => ['INPUT', 'SELECT'].includes(one.tagName)
@@ -26,7 +32,7 @@ _TEXTS = """() => {
   const groundOf = (one) => {
     for (let at = one; at; at = at.parentElement) {
       const color = rgba(getComputedStyle(at).backgroundColor);
-      if (color[3] === 1) return color;
+      if (color[3] === 255) return color;
     }
     return [255, 255, 255];
   };
