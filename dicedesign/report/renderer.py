@@ -162,6 +162,19 @@ def render(
     return picture
 
 
+def render_clear(surface: RenderMesh, camera: Camera, size: int, shadow: Floats) -> Picture:
+    """Picture (size, size, 4) of a surface as `render` draws it, with its opacity.
+
+    shadow: (size, size) opacity from 0 to 1 of a shadow behind it.
+    """
+    positions = SAMPLES * camera.pixel_positions(surface.points, size)
+    color, opacity = _surface_layer(surface, positions, camera, size)
+    opacity = opacity + (1.0 - opacity) * shadow[..., None]
+    color = color / np.where(opacity > 0.0, opacity, 1.0)
+    clear = np.concatenate([color, opacity], axis=2)
+    return np.rint(255.0 * clear.clip(0.0, 1.0)).astype(np.uint8)
+
+
 def _surface_layer(
     surface: RenderMesh, positions: Floats, camera: Camera, side: int
 ) -> tuple[Floats, Floats]:
