@@ -17,6 +17,7 @@ from dicedesign.results.verdict import (
 if TYPE_CHECKING:
     from dicedesign.recipe.pipeline import Work
 
+
 def describe_verdict(work: Work) -> str:
     """Verdict in one line, beginning with "Warning" if a die that is right when set down is wrong
     when thrown; and a second line with status and remarks."""

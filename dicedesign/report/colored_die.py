@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,8 +18,6 @@ from dicedesign.report.renderer import RenderMesh, render_clear, render_shadow, 
 from dicedesign.results.parts import READINGS
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
-if TYPE_CHECKING:
-    from dicedesign.fabricate.label_layout import Placement
 
 PAIRS_AT_ONCE = 2_000_000
 """Number of pairs of a triangle and a facet that are compared at a time, to limit memory."""
@@ -46,6 +43,9 @@ READ_ASIDE = 28.0
 
 LEVEL_LENGTH = 1e-3
 """Length of the level part of an upright unit direction below which it says nothing."""
+
+MIN_PIXELS = 560
+"""Smallest side of a rendered picture: outlines would be thick on smaller ones."""
 
 SHADOW = 0.55
 """Opacity of the darkest shadow, relative to the one on white paper."""
@@ -207,7 +207,9 @@ def _cut_triangles(
 def colored_mesh(parts: Sequence[Part], *, is_smooth: bool) -> RenderMesh:
     """Mesh to draw of parts by `color_parts`."""
     whole = join_surfaces(*parts)
-    colors = rgb([part.color for part in parts]).repeat([len(part.points) for part in parts], axis=0)
+    colors = rgb([part.color for part in parts]).repeat(
+        [len(part.points) for part in parts], axis=0
+    )
     return RenderMesh(whole.points, whole.triangles, colors, smooth=is_smooth)
 
 
@@ -231,20 +233,15 @@ class ReadingView:
         return Camera(tilt_up(self.level, self.side, self.above_deg), self.side)
 
 
-def reading_views(result: Result, placements: Sequence[Placement] = ()) -> list[ReadingView]:
-    """Viewpoints for each rest. Labels are upright, a little aside; without placements of labels,
-    the die's y is away from the viewer.
-
-    placements: of the labels, in the coordinates of the rests.
-    """
+def reading_views(result: Result) -> list[ReadingView]:
+    """Viewpoints for each rest. Labels are upright, a little aside; where there are none, the die's
+    y is away from the viewer."""
     above = READ_ABOVE
     if result.concave is not None and reading_way(result) == "down":
         above = STAND_ABOVE
     views, turn = [], np.radians(READ_ASIDE)
     for side, facet in zip(reading_sides(result), result.facets, strict=True):
-        own = [each for each in placements if each.text == facet.outcome]
-        upright = max(own, key=lambda each: float(each.frame[:3, 2] @ side), default=None)
-        away = np.eye(3)[1] if upright is None else upright.frame[:3, 1]
+        away = np.array(facet.upright or (0.0, 1.0, 0.0))
         away = away - (away @ side) * side
         if norms(away) < LEVEL_LENGTH:
             away = np.eye(3)[0] - side[0] * side
@@ -254,20 +251,18 @@ def reading_views(result: Result, placements: Sequence[Placement] = ()) -> list[
     return views
 
 
-def die_picture(
-    parts: Sequence[Part], result: Result, pixels: int, placements: Sequence[Placement] = ()
-) -> bytes:
+def die_picture(parts: Sequence[Part], result: Result, width: int) -> bytes:
     """WebP picture of a die in color with a clear background, from its reading side; on a table if
     it is read on top.
 
     Parameters
     ----------
     parts: by `color_parts`.
-    pixels: side of the picture before it is trimmed.
-    placements: of the labels, see `reading_views`.
+    width: largest width of the picture, in pixels.
     """
+    pixels = max(width, MIN_PIXELS)
     mesh = colored_mesh(parts, is_smooth=result.concave is not None)
-    view = reading_views(result, placements)[main_rest(result)]
+    view = reading_views(result)[main_rest(result)]
     is_lifted = result.concave is None and reading_way(result) == "down"
     seen = mesh.points if is_lifted else with_shadow(mesh.points, view.side)
     (camera,) = frame_cameras([view.camera], [seen])
@@ -282,4 +277,4 @@ def die_picture(
         shadow = SHADOW * (1.0 - table)
     picture = render_clear(mesh, camera, pixels, shadow)
     rows, columns = (np.flatnonzero(picture[..., 3].any(axis=axis)) for axis in (1, 0))
-    return encode_webp(picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
+    return encode_webp(picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], width)

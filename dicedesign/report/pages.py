@@ -71,11 +71,14 @@ PNG_BEGINS = b"\x89PNG"
 MAX_TRIANGLES = 60_000
 """Most triangles of a solid in a page; more would add megabytes."""
 
+MAX_WIDTH = 1200
+"""Width in pixels of the largest pictures in a page; their files may have more."""
+
 PLATE_PIXELS = 1200
 """Side of the picture of a print bed before it is trimmed."""
 
 DIE_PIXELS, SMALL_PIXELS = 800, 280
-"""Sides of pictures of dice before they are trimmed: of a report, and in tables."""
+"""Widths of pictures of dice in a report and in tables."""
 
 
 def _in_order(result: Result) -> list[int]:
@@ -111,9 +114,9 @@ def _is_moving(image: bytes) -> bool:
 
 
 def _data_uri(image: bytes) -> str:
-    """Address of a picture: a GIF or WebP as it is, a PNG as WebP, which is a fourth of its size."""
+    """Address of a picture. A PNG becomes a WebP of a tenth of its size."""
     if image.startswith(PNG_BEGINS):
-        image = encode_webp(decode_png(image))
+        image = encode_webp(decode_png(image), MAX_WIDTH)
     kind = "gif" if _is_moving(image) else "webp"
     return f"data:image/{kind};base64,{b64encode(image).decode('ascii')}"
 
@@ -169,7 +172,6 @@ def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part
     parts: solids of the printed die, first the one of the STL file.
     """
     result, poses, colored = die.result, die.plain.poses, color_parts(parts, die.result)
-    placements = () if die.engraved is None else die.engraved.placements
     script, three = _template_file("viewer.js"), three_script()
     triangles = sum(len(part.triangles) for part in colored)
     scripts, data, left_out = [script], dict[str, bytes](), ""
@@ -197,8 +199,8 @@ def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part
             left_out=left_out,
             result=result,
             verdicts=judge(result),
-            still=die_picture(colored, result, DIE_PIXELS, placements),
-            views=reading_views(result, placements),
+            still=die_picture(colored, result, DIE_PIXELS),
+            views=reading_views(result),
             main_rest=main_rest(result),
             colors=dict(zip(result.labels, outcome_colors(len(result.labels)), strict=True)),
             in_order=_in_order(result),

@@ -30,7 +30,7 @@ TURNS_DEG = (35.0, 155.0, 275.0)
 MARGIN = 1.08
 """Width of a picture over the width of the body."""
 
-WEBP_QUALITY = 88
+WEBP_QUALITY = 84
 """Quality of pictures in pages, of 100."""
 
 
@@ -41,10 +41,12 @@ def encode_png(picture: Picture) -> bytes:
     return buffer.getvalue()
 
 
-def encode_webp(picture: Picture) -> bytes:
-    """Content of the WebP file of a picture."""
-    buffer = BytesIO()
-    Image.fromarray(picture).save(buffer, "WEBP", quality=WEBP_QUALITY, method=4)
+def encode_webp(picture: Picture, max_width: int | None = None) -> bytes:
+    """Content of the WebP file of a picture, scaled down to at most `max_width` pixels."""
+    buffer, image = BytesIO(), Image.fromarray(picture)
+    if max_width is not None:
+        image.thumbnail((max_width, image.height))
+    image.save(buffer, "WEBP", quality=WEBP_QUALITY, method=4)
     return buffer.getvalue()
 
 

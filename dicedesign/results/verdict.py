@@ -49,8 +49,9 @@ def judge(result: Result) -> tuple[Verdict, Verdict]:
 
 
 def _judge_set_down(result: Result) -> tuple[Mark, str]:
-    engraved = result.engraved and result.engraved.max_abs_error
-    error = result.max_abs_error if engraved is None else engraved
+    error = result.max_abs_error
+    if result.engraved is not None and result.engraved.max_abs_error is not None:
+        error = result.engraved.max_abs_error
     off = f"off by {error_in_words(error)}"
     has = "nearly has" if error > NEARLY else "has"
     if result.thrown is not None:
