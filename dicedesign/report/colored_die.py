@@ -35,6 +35,9 @@ TOUCHING_HEIGHT = 3e-3
 TOUCHING_COSINE = 0.9
 """Cosine of the largest slope of the surface where it touches the table."""
 
+SLIVER = 1e-9
+"""Area of a piece of a triangle that is left out, over the squared size of the die."""
+
 READ_ABOVE, STAND_ABOVE = 50.0, 20.0
 """Elevations of the camera in degrees, of a die with labels and of one without."""
 
@@ -86,14 +89,14 @@ def color_parts(parts: Sequence[Part], result: Result) -> list[Part]:
 
     parts: of the file, the body first; others are inlays.
     """
-    colored = []
+    colored, whole = [], np.concatenate([part.points for part in parts])
     for part in parts:
         labels = part.labels
         if labels is None:
             labels = np.full(len(part.triangles), part is not parts[0])
-        points, triangles, parents = _cut(part, labels, result)
+        points, triangles, parents = _cut(part, labels, result, whole)
         labels = labels[parents]
-        rests = shown_rests(Surface(points, triangles), labels, result)
+        rests = shown_rests(Surface(points, triangles), labels, result, whole)
         for rest in np.unique(rests).tolist():
             color = color_of(result, None if rest < 0 else result.facets[rest].outcome)
             label_color = INK if result.concave is not None else text_color(color)
@@ -114,14 +117,14 @@ def color_parts(parts: Sequence[Part], result: Result) -> list[Part]:
     return colored
 
 
-def shown_rests(surface: Surface, labels: Booleans, result: Result) -> Integers:
+def shown_rests(surface: Surface, labels: Booleans, result: Result, whole: Floats) -> Integers:
     """Rest (t,) whose outcome a triangle of a printed die shows, or -1 for rounded edges and sides
     that show none.
 
     On a convex die these are the facets that are read. Of a concave die they are the places that
     touch the table, and its labels.
 
-    labels: (t,) whether a triangle belongs to a label.
+    labels: (t,) whether a triangle belongs to a label. whole: (n, 3) points of the whole die.
     """
     normals, way = np.array([facet.normal for facet in result.facets]), reading_way(result)
     rests = np.arange(len(normals))
@@ -129,21 +132,21 @@ def shown_rests(surface: Surface, labels: Booleans, result: Result) -> Integers:
         "up": (-normals, rests),
         "both": (np.concatenate([normals, -normals]), np.tile(rests, 2)),
     }.get(way, (normals, rests))
-    points, middles = surface.points, surface.points[surface.triangles].mean(axis=1)
-    support = np.array([(points @ side).max() for side in sides])
+    middles = surface.points[surface.triangles].mean(axis=1)
+    support = np.array([(whole @ side).max() for side in sides])
     count = 1 + len(middles) * len(sides) // PAIRS_AT_ONCE
     nearest = np.concatenate(
         [np.argmin(support - each @ sides.T, axis=1) for each in np.array_split(middles, count)]
     )
-    down, areas = sides[nearest], doubled_area_vectors(points, surface.triangles)
+    down, areas = sides[nearest], doubled_area_vectors(surface.points, surface.triangles)
     depths = support[nearest] - (middles * down).sum(axis=1)
     is_flat = result.concave is None
     cosine = FLUSH_COSINE if is_flat else TOUCHING_COSINE
-    deepest = (FLUSH_DEPTH if is_flat else TOUCHING_HEIGHT) * np.ptp(points, axis=0).max()
+    deepest = (FLUSH_DEPTH if is_flat else TOUCHING_HEIGHT) * np.ptp(whole, axis=0).max()
     flush = ((areas * down).sum(axis=1) >= cosine * norms(areas)) & (depths <= deepest)
     shown = np.where(flush | (labels & is_flat), owners[nearest], -1)
     if way in ("corner", "edge"):
-        on_top = np.argmax(_heights(middles, points, normals), axis=1)
+        on_top = np.argmax(_heights(middles, whole, normals), axis=1)
         shown = np.where(shown >= 0, on_top, shown)
     elif way == "marks":
         # The floors of a mark face upward.
@@ -153,14 +156,16 @@ def shown_rests(surface: Surface, labels: Booleans, result: Result) -> Integers:
     return shown
 
 
-def _heights(places: Floats, points: Floats, normals: Floats) -> Floats:
+def _heights(places: Floats, whole: Floats, normals: Floats) -> Floats:
     """Heights (p, k) of places (p, 3) above the table in each rest, over the height of the die."""
-    reach = points @ normals.T
+    reach = whole @ normals.T
     high, low = reach.max(axis=0), reach.min(axis=0)
     return np.asarray((high - places @ normals.T) / (high - low))
 
 
-def _cut(part: Part, labels: Booleans, result: Result) -> tuple[Floats, Integers, Integers]:
+def _cut(
+    part: Part, labels: Booleans, result: Result, whole: Floats
+) -> tuple[Floats, Integers, Integers]:
     """Points (n, 3) and triangles (t, 3) of a part, cut where one outcome's region of a facet ends
     and another's begins, and the triangle (t,) of the part that each comes from."""
     points, triangles = part.points, part.triangles
@@ -168,15 +173,17 @@ def _cut(part: Part, labels: Booleans, result: Result) -> tuple[Floats, Integers
     if reading_way(result) not in ("corner", "edge"):
         return points, triangles, parents
     normals = np.array([facet.normal for facet in result.facets])
-    flat = (shown_rests(part, labels, result) >= 0) & ~labels
+    flat = (shown_rests(part, labels, result, whole) >= 0) & ~labels
     for one, other in combinations(range(len(normals)), 2):
-        heights = _heights(points, part.points, normals)
+        heights = _heights(points, whole, normals)
         rise = heights[:, one] - heights[:, other]
         top = heights.argmax(axis=1)
         near = np.isin(top[triangles], (one, other)).any(axis=1) & flat[parents]
         extent = rise[triangles]
         crossed = near & (extent.min(axis=1) < -1e-6) & (extent.max(axis=1) > 1e-6)
         points, pieces, sources = _cut_triangles(points, triangles[crossed], rise)
+        wide = norms(doubled_area_vectors(points, pieces)) > SLIVER * np.ptp(whole) ** 2
+        pieces, sources = pieces[wide], sources[wide]
         triangles = np.concatenate([triangles[~crossed], pieces])
         parents = np.concatenate([parents[~crossed], parents[crossed][sources]])
     return points, triangles, parents

@@ -39,7 +39,7 @@
   }
 
   function scrollTo(row) {
-    const box = row.closest(".scroll");
+    const box = row.closest(".facets");
     const head = row.closest("table").tHead.offsetHeight;
     const top = row.offsetTop - head;
     if (top < box.scrollTop) box.scrollTop = top;
