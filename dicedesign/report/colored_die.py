@@ -69,15 +69,10 @@ def reading_sides(result: Result) -> Floats:
 
 
 def main_rest(result: Result) -> int:
-    """Number of the rest that pictures show: of the outcome with the largest target."""
-    label = result.labels[int(np.argmax(result.target))]
-    return [facet.outcome for facet in result.facets].index(label)
-
-
-def color_of(result: Result, outcome: str | None) -> str:
-    """Color of the outcome with a label, "#rrggbb"."""
-    colors = dict(zip(result.labels, outcome_colors(len(result.labels)), strict=True))
-    return BLANK if outcome is None else colors[outcome]
+    """Number of the rest in pictures: of the outcome with the largest target that has one."""
+    targets = dict(zip(result.labels, result.target, strict=True))
+    outcomes = [facet.outcome for facet in result.facets]
+    return int(np.argmax([-1.0 if label is None else targets[label] for label in outcomes]))
 
 
 def color_parts(parts: Sequence[Part], result: Result) -> list[Part]:
@@ -90,6 +85,7 @@ def color_parts(parts: Sequence[Part], result: Result) -> list[Part]:
     parts: of the file, the body first; others are inlays.
     """
     colored, whole = [], np.concatenate([part.points for part in parts])
+    colors = dict(zip(result.labels, outcome_colors(len(result.labels)), strict=True))
     for part in parts:
         labels = part.labels
         if labels is None:
@@ -98,7 +94,8 @@ def color_parts(parts: Sequence[Part], result: Result) -> list[Part]:
         labels = labels[parents]
         rests = shown_rests(Surface(points, triangles), labels, result, whole)
         for rest in np.unique(rests).tolist():
-            color = color_of(result, None if rest < 0 else result.facets[rest].outcome)
+            outcome = None if rest < 0 else result.facets[rest].outcome
+            color = BLANK if outcome is None else colors[outcome]
             label_color = INK if result.concave is not None else text_color(color)
             for is_label in (False, True):
                 own = triangles[(rests == rest) & (labels == is_label)]
