@@ -69,10 +69,11 @@ def reading_sides(result: Result) -> Floats:
 
 
 def main_rest(result: Result) -> int:
-    """Number of the rest in pictures: of the outcome with the largest target that has one."""
-    targets = dict(zip(result.labels, result.target, strict=True))
+    """Number of the rest in pictures: of the first of the most probable outcomes that have one."""
     outcomes = [facet.outcome for facet in result.facets]
-    return int(np.argmax([-1.0 if label is None else targets[label] for label in outcomes]))
+    targets = dict(zip(result.labels, result.target, strict=True))
+    known = [label for label in result.labels if label in outcomes]
+    return outcomes.index(max(known, key=targets.__getitem__)) if known else 0
 
 
 def color_parts(parts: Sequence[Part], result: Result) -> list[Part]:
@@ -234,6 +235,7 @@ class ReadingView:
 
     @property
     def camera(self) -> Camera:
+        """Camera toward the origin, at scale 1."""
         return Camera(tilt_up(self.level, self.side, self.above_deg), self.side)
 
 

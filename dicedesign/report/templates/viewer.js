@@ -1,6 +1,5 @@
 // Link the 3D view of a die, the table of its facets and its Gauss map: the facet under the pointer
-// in one is shown in all. Without WebGL the table and the map are linked; without scripts the page
-// looks as in print.
+// in one is shown in all. Without WebGL the table and the map are linked, beside a picture of the die.
 "use strict";
 (() => {
   const BLANK = [0.686, 0.651, 0.578]; // #d8d3c8 in linear light
