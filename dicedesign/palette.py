@@ -80,10 +80,10 @@ OUTCOME_RAMP = (
 """Colors of more outcomes, from dark to light; a label always accompanies them."""
 
 BLANK = "#d8d3c8"
-"""Facets without an outcome, and rounded edges."""
+"""Bodies of dice: facets without an outcome, and rounded edges."""
 
 INK = "#14171a"
-"""Text on light colors."""
+"""Text on light colors, and labels."""
 
 MIN_CONTRAST = 4.5
 """Contrast of text. Source: Web Content Accessibility Guidelines 2.2, criterion 1.4.3."""

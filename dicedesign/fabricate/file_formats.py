@@ -16,15 +16,10 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.triangles import Surface, join_surfaces
+from dicedesign.palette import BLANK, INK, rgb
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.registry import Extension, Registry
-
-BODY_COLOR = "#e8e3d8"
-"""Color of a die."""
-
-LABEL_COLOR = "#1f2933"
-"""Color of labels."""
 
 
 def _read(path: Path) -> tuple[Floats, Integers]:
@@ -51,7 +46,7 @@ class Part(Surface):
     name: str
     color: str
     labels: Booleans | None = None
-    label_color: str = LABEL_COLOR
+    label_color: str = INK
 
     def groups(self) -> list[tuple[str, str, Integers]]:
         """Name, color and triangles (s, 3) of each color of the part."""
@@ -292,7 +287,7 @@ def glb(contents: Contents) -> bytes:
 
 def _material(name: str, color: str) -> dict[str, Any]:
     """Material of a color, converted from sRGB to linear light."""
-    shown = np.array([int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
+    shown = rgb([color])[0]
     light = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
     factors = {
         "baseColorFactor": [*np.round(light, 6).tolist(), 1.0],
@@ -365,7 +360,7 @@ def mesh_bytes(points: Floats, triangles: Integers, ending: str, name: str = "me
     ------
     InputError: an unknown ending; a coordinate that is not finite in the format's precision.
     """
-    contents = Contents("die", [Part(points, triangles, "die", BODY_COLOR)])
+    contents = Contents("die", [Part(points, triangles, "die", BLANK)])
     return file_bytes(contents, format_of_ending(ending, name), name)
 
 

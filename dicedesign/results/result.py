@@ -49,6 +49,8 @@ class FacetOfDie:
     polygon_area_mm2: area. inradius_mm: radius of the largest circle in the facet.
     margin_deg: tilt that leaves the rest over the nearest saddle.
     border_deg: smallest angle from the normal to the border of the basin.
+    upright: (3,) direction in which the label that is read at this rest is upright; None if it has
+        none on a flat face.
     """
 
     label: str | None
@@ -59,6 +61,7 @@ class FacetOfDie:
     inradius_mm: float
     margin_deg: float
     border_deg: float
+    upright: Numbers | None = None
 
 
 @dataclass(frozen=True)

@@ -20,13 +20,12 @@ from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.reading import read_body, stl_bytes
 from dicedesign.palette import BLANK, INK, outcome_colors, text_color
 from dicedesign.report.discs import RADIUS, basin_outlines
-from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.view.dice import Shop
-from dicedesign.view.meshes import rest_codes
+from dicedesign.view.meshes import CodedMesh, body_mesh
 from dicedesign.view.sources import Source
-from dicedesign.view.throwing import pack_numbers, throw_body
-from dicedesign.view.viewed_body import ViewedBody, decimate, facet_vertices
+from dicedesign.view.throwing import throw_body
+from dicedesign.view.viewed_body import ViewedBody, facet_vertices
 
 __all__ = ["Bodies"]
 
@@ -58,8 +57,8 @@ class Bodies:
 
     def __init__(self, shop: Shop, source: Source | None) -> None:
         self._shop, self._source = shop, source
-        # With codes of the mesh's triangles, if it is a die.
-        self._states: OrderedDict[int, tuple[ViewedBody, Integers | None]] = OrderedDict()
+        # With the mesh, if it is a die.
+        self._states: OrderedDict[int, tuple[ViewedBody, CodedMesh | None]] = OrderedDict()
         self._numbers, self._lock = count(1), threading.Lock()
         self.names: tuple[str, ...] = () if source is None else source.names
 
@@ -86,7 +85,7 @@ class Bodies:
     def change(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Change a state: "center" (3,), or "uniform", or "vertices" of the hull moved by "by"
         (3,)."""
-        (viewed, codes), note = self._find(query), ""
+        (viewed, mesh), note = self._find(query), ""
         if "center" in query:
             viewed, was_outside = viewed.with_center(np.array(query["center"], dtype=np.float64))
             if was_outside:
@@ -102,7 +101,7 @@ class Bodies:
                     f"{len(corners):,}; take a simpler body"
                 )
             viewed = viewed.with_vertices(vertices, corners[vertices] + np.array(query["by"]))
-        return self._keep(viewed, codes) | {"note": note}
+        return self._keep(viewed, mesh) | {"note": note}
 
     def probabilities(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """(rows,) "thrown" probabilities of a state by the momentum model of a "table"."""
@@ -121,40 +120,34 @@ class Bodies:
         """STL file of the hull of a state."""
         return stl_bytes(self._find(query)[0].hull.surface)
 
-    def _find(self, query: Mapping[str, Any]) -> tuple[ViewedBody, Integers | None]:
+    def _find(self, query: Mapping[str, Any]) -> tuple[ViewedBody, CodedMesh | None]:
         with self._lock:
             state = self._states.get(int(query["state"]))
         if state is None:
             raise InputError("body: expected one that is still open, got an old one; open it again")
         return state
 
-    def _keep(self, viewed: ViewedBody, codes: Integers | None = None) -> dict[str, Any]:
+    def _keep(self, viewed: ViewedBody, mesh: CodedMesh | None = None) -> dict[str, Any]:
         number = next(self._numbers)
         with self._lock:
-            self._states[number] = viewed, codes
+            self._states[number] = viewed, mesh
             while len(self._states) > KEPT_STATES:
                 self._states.popitem(last=False)
-        return _describe(viewed, codes) | {"state": number}
+        return _describe(viewed, mesh) | {"state": number}
 
 
-def _describe(viewed: ViewedBody, codes: Integers | None) -> dict[str, Any]:
-    """Data of a body for the page: mesh about the center of mass, rows and facts. codes: of the
-    triangles of its mesh, or None to color its resting facets."""
+def _describe(viewed: ViewedBody, mesh: CodedMesh | None) -> dict[str, Any]:
+    """Data of a body for the page: mesh about the center of mass, rows and facts. mesh: of a die, or
+    None to color the resting facets."""
     body, hull, poses = viewed.shape.body, viewed.hull, viewed.poses
     rows = viewed.rows[:MAX_ROWS]
-    points, triangles = hull.vertices, hull.triangles
-    is_hull = viewed.is_dragged or body.triangles is None
-    if body.triangles is not None and not is_hull:
-        points, triangles = decimate(body.points, body.triangles)
-    if codes is None or is_hull or len(codes) != len(triangles):
-        codes = rest_codes(viewed, points, triangles, MAX_ROWS)
+    if mesh is None or viewed.is_dragged:
+        mesh = body_mesh(viewed, MAX_ROWS)
     others = float(sum(row.probability for row in viewed.rows[MAX_ROWS:]))
     errors = [abs(row.probability - row.target) for row in viewed.rows if row.target is not None]
     kind = "points"
     if body.triangles is not None:
         kind = "the dragged hull" if viewed.is_dragged else f"{len(body.triangles):,} triangles"
-    row_of_facet = np.full(len(hull.normals), -1, dtype=np.int64)
-    row_of_facet[poses.facets] = viewed.row_of_rest
     margins, colors = np.degrees(poses.margins), _row_colors(viewed)
     return {
         "name": viewed.name,
@@ -174,18 +167,7 @@ def _describe(viewed: ViewedBody, codes: Integers | None) -> dict[str, Any]:
         "others": [len(viewed.rows) - len(rows), others],
         "colors": colors[: len(rows)],
         "texts": [text_color(color) for color in colors[: len(rows)]],
-        "mesh": {
-            "points": pack_numbers(points - viewed.center, "<f4"),
-            "triangles": pack_numbers(triangles, "<u4"),
-            "codes": pack_numbers(codes, "<u1"),
-            "rests": [
-                {"down": normal, "outcome": row}
-                for normal, row in zip(
-                    poses.normals.tolist(), viewed.row_of_rest.tolist(), strict=True
-                )
-            ],
-            "show": 0,
-        },
+        "mesh": mesh.data(poses, viewed.row_of_rest),
         "hull": {
             "vertices": hull.vertices.tolist(),
             "facets": [facet_vertices(hull, facet).tolist() for facet in range(len(hull.normals))],

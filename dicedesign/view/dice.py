@@ -29,8 +29,7 @@ from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target, recipe_text
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import READINGS, Candidate, Status
-from dicedesign.runtime.arrays import Integers
-from dicedesign.view.meshes import mesh_data, triangle_codes
+from dicedesign.view.meshes import CodedMesh, die_mesh
 from dicedesign.view.throwing import judge_throws, throw_body
 from dicedesign.view.viewed_body import ViewedBody, outcomes_of
 
@@ -104,6 +103,19 @@ class FinishedWork:
         work = self.work.copy()
         run_stages(work, after="throws", last="tolerances")
         return work
+
+    @cached_property
+    def mesh(self) -> CodedMesh:
+        """Mesh with the outcomes that the sides show."""
+        return die_mesh(self.work)
+
+    @property
+    def mesh_data(self) -> dict[str, Any]:
+        """The mesh for the page. In pictures the most probable outcome has come up."""
+        work = self.work
+        outcome_of_rest = work.final.outcomes.outcome_of_rest
+        show = int(np.argmax(outcome_of_rest == work.target.probabilities.argmax()))
+        return self.mesh.data(work.final.poses, outcome_of_rest, show)
 
     @cached_property
     def viewed(self) -> ViewedBody:
@@ -216,7 +228,8 @@ class Shop:
 
     def _card(self, key: str, facts: Candidate) -> dict[str, Any]:
         """What a candidate looks like, and what distinguishes it."""
-        work = self._finished.get(_key({"die": key, "dress": {}})).work
+        finished = self._finished.get(_key({"die": key, "dress": {}}))
+        work = finished.work
         style, hands = _thrown_style(work)
         return {
             "id": key,
@@ -228,7 +241,7 @@ class Shop:
             "size_mm": work.recipe.size_mm,
             "weight_g": facts.weight_g,
             "is_sensitive": facts.prints > MANY_ERRORS,
-            "mesh": mesh_data(work),
+            "mesh": finished.mesh_data,
         }
 
     def _design(self, key: str) -> Work:
@@ -281,19 +294,19 @@ class Shop:
         """The finished die of a request with "die" and "dress"."""
         return self._find(query).work
 
-    def viewed(self, query: Mapping[str, Any]) -> tuple[ViewedBody, Integers]:
-        """The finished die of a request as a body, and codes (t,) of its triangles."""
+    def viewed(self, query: Mapping[str, Any]) -> tuple[ViewedBody, CodedMesh]:
+        """The finished die of a request as a body, and its mesh."""
         finished = self._find(query)
-        return finished.viewed, triangle_codes(finished.work)[0]
+        return finished.viewed, finished.mesh
 
     def dress(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """A die with its labels and edges: its mesh, labels, verdict and probabilities."""
-        work = self._find(query).work
-        result = work.result()
+        finished = self._find(query)
+        work, result = finished.work, finished.work.result()
         style, hands = _thrown_style(work)
         forecast = work.forecast
         return {
-            "mesh": mesh_data(work),
+            "mesh": finished.mesh_data,
             "labels": work.target.labels,
             "size_mm": work.recipe.size_mm,
             "style": style,

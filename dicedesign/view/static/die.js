@@ -285,7 +285,7 @@ async function redress(isSame = true) {
   try {
     const dressed = await postJson('/dress', query(), { signal });
     S.dressed = dressed;
-    S.model = readMesh(dressed.mesh, S.dress.edges !== 'chamfer');
+    S.model = readMesh(dressed.mesh, S.dress.edges === 'fillet');
     S.query = query();
     showDie(isSame && S.shown === id);
     S.shown = id;
