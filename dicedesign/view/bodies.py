@@ -137,8 +137,8 @@ class Bodies:
 
 
 def _describe(viewed: ViewedBody, mesh: CodedMesh | None) -> dict[str, Any]:
-    """Data of a body for the page: mesh about the center of mass, rows and facts. mesh: of a die, or
-    None to color the resting facets."""
+    """Data of a body: mesh about the center of mass, rows and facts. mesh: of a die, or
+    None to color the resting facets of the body."""
     body, hull, poses = viewed.shape.body, viewed.hull, viewed.poses
     rows = viewed.rows[:MAX_ROWS]
     if mesh is None or viewed.is_dragged:

@@ -17,7 +17,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from dicedesign.errors import DiceError, InputError
+from dicedesign.errors import DiceError, InputError, LabelRoomError
 from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes
 from dicedesign.fabricate.finish_options import ICON_NAMES
 from dicedesign.geometry.meshes.body import body_of
@@ -283,7 +283,13 @@ class Shop:
         if size is not None:
             entries["size_mm"] = size
         work.recipe, work.enlarge = parse_recipe(entries), size is None
-        run_stages(work, after="design", last="throws")
+        try:
+            run_stages(work, after="design", last="throws")
+        except LabelRoomError as error:
+            raise InputError(
+                f"labels: expected a die of at least {math.ceil(error.size_mm)} mm for them, got "
+                f"{work.recipe.size_mm:g} mm; enlarge it, or shorten the labels"
+            ) from error
         return FinishedWork(work)
 
     def _find(self, query: Mapping[str, Any]) -> FinishedWork:

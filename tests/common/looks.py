@@ -68,15 +68,19 @@ def contrast(a: list[float], b: list[float]) -> float:
     return (light + 0.05) / (dark + 0.05)
 
 
-def check_looks(page: Page) -> None:
-    """Nothing needs sideways scrolling, texts are legible and whole, and targets large enough."""
-    size = page.viewport_size
+def check_looks(page: Page) -> int:
+    """Nothing needs sideways scrolling, texts are legible and whole, and targets large enough.
+
+    Returns the number of texts.
+    """
+    size, count = page.viewport_size, 0
     assert size is not None
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
     for text in page.evaluate(_TEXTS):
         left, right, area = text["box"]
         if area == 0.0:
             continue
+        count += 1
         assert left >= -0.5, text
         assert right <= size["width"] + 0.5, text
         assert not text["isCut"], text
@@ -84,3 +88,4 @@ def check_looks(page: Page) -> None:
         assert contrast(text["color"], text["ground"]) >= MIN_CONTRAST, text
     for name, width, height in page.evaluate(_TARGETS):
         assert min(width, height) >= MIN_TARGET_PIXELS, name
+    return count

@@ -6,16 +6,18 @@ import http.client
 import json
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import uvicorn
+from starlette.applications import Starlette
 
 from dicedesign.view.application import make_page
-from dicedesign.view.server import Gate, open_socket
+from dicedesign.view.server import LOOPBACK, Gate, open_socket
 
 
 @dataclass(frozen=True)
@@ -54,19 +56,27 @@ class Served:
 
 
 @contextmanager
-def served_page(path: Path | None = None) -> Iterator[Served]:
-    """Serve the page of `dicedesign view` for a path."""
+def served_app(
+    make: Callable[[Gate], Starlette], host: str = LOOPBACK, key: str = ""
+) -> Iterator[Gate]:
+    """Serve an application on this machine, as if for a host and with a key."""
     listening = open_socket(0)
-    gate = Gate(listening.getsockname()[1])
-    config = uvicorn.Config(make_page(path, gate), log_level="critical", ws="none")
-    server = uvicorn.Server(config)
+    gate = Gate(listening.getsockname()[1], host, key)
+    server = uvicorn.Server(uvicorn.Config(make(gate), log_level="critical", ws="none"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     thread.start()
     try:
         while not server.started:
             time.sleep(0.01)
-        yield Served(gate)
+        yield gate
     finally:
         server.should_exit = server.force_exit = True
         thread.join()
         listening.close()
+
+
+@contextmanager
+def served_page(path: Path | None = None) -> Iterator[Served]:
+    """Serve the page of `dicedesign view` for a path."""
+    with served_app(partial(make_page, path)) as gate:
+        yield Served(gate)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from common.finished import CONCAVE, finished_box, page_text
+from common.looks import check_looks
 from PIL import Image
 
 from dicedesign.geometry.meshes.reading import read_body
@@ -27,29 +28,6 @@ BOXES = """() => [...document.querySelectorAll("body *")].map((element) => {
   return [element.tagName, box.left, box.top, box.right, box.bottom];
 }).filter(([tag, left, top, right, bottom]) => right > left && bottom > top)"""
 """Tags and boxes of visible elements."""
-
-CONTRAST = """() => {
-  const channels = (text) => text.match(/[\\d.]+/g).map(Number);
-  const light = ([r, g, b]) => [r, g, b].map((c) => c / 255)
-    .map((c) => c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4)
-    .reduce((sum, c, k) => sum + c * [0.2126, 0.7152, 0.0722][k], 0);
-  const ground = (element) => {
-    for (let at = element; at; at = at.parentElement) {
-      const color = channels(getComputedStyle(at).backgroundColor);
-      if (color.length === 3 || color[3] === 1) return color;
-    }
-    return [255, 255, 255];
-  };
-  return [...document.querySelectorAll("body *")].filter((element) =>
-    element.checkVisibility({ visibilityProperty: true })
-    && [...element.childNodes].some((node) => node.nodeType === 3 && node.data.trim())
-  ).map((element) => {
-    const pair = [channels(getComputedStyle(element).color), ground(element)].map(light);
-    return (Math.max(...pair) + 0.05) / (Math.min(...pair) + 0.05);
-  });
-}"""
-"""Contrasts of visible texts with the ground behind them. Source: Web Content Accessibility
-Guidelines 2.2."""
 
 MAX_BYTES = 2_000_000
 
@@ -229,13 +207,7 @@ def test_the_first_screen_has_the_die_and_its_verdicts(
     columns = np.flatnonzero(drawn.any(axis=0))
     assert columns[-1] - columns[0] > (0.25 if width > height else 0.4) * width
     page.evaluate("document.querySelectorAll('details').forEach((part) => (part.open = true))")
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    for _, left, _, right, _ in page.evaluate(BOXES):
-        assert left >= 0.0
-        assert right <= width
-    contrasts = page.evaluate(CONTRAST)
-    assert len(contrasts) > 50
-    assert min(contrasts) >= 4.5
+    assert check_looks(page) > 50
     assert report.stat().st_size <= MAX_BYTES
     page.close()
 

@@ -156,15 +156,15 @@ def test_labels_that_do_not_fit_are_named(shop: Shop, dice: list[dict[str, Any]]
         shop.dress({**query, "dress": query["dress"] | {"texts": ["a", "b", ""]}})
     with pytest.raises(dd.InputError, match="a different one"):
         shop.dress({**query, "dress": query["dress"] | {"texts": ["a", "b", "a"]}})
-    with pytest.raises(dd.InputError, match="size_mm"):
+    with pytest.raises(dd.InputError, match="a die of at least"):
         shop.dress({**query, "dress": query["dress"] | {"texts": ["extraordinary", "b", "c"]}})
 
 
 def test_small_details_get_a_larger_size(shop: Shop, dice: list[dict[str, Any]]) -> None:
-    query = {"die": dice[1]["id"], "dress": {"size_mm": 13}}
+    query = {"die": dice[1]["id"], "dress": {"size_mm": 16, "style": "raised"}}
     says = shop.printing(query)
     assert says["style"] == "bad"
-    larger = {"die": dice[1]["id"], "dress": {"size_mm": says["size_mm"]}}
+    larger = {**query, "dress": query["dress"] | {"size_mm": says["size_mm"]}}
     assert shop.printing(larger)["style"] != "bad"
     assert shop.printing({"die": dice[1]["id"], "dress": {}})["style"] == "ok"
 
