@@ -137,22 +137,6 @@ class Balance:
 
 
 @dataclass(frozen=True)
-class LabelSide:
-    """Side of the die from which a label is read.
-
-    Attributes
-    ----------
-    outcome: its label.
-    normal: (3,) unit direction from the die to the reader.
-    up: (3,) unit direction that is upward in the label, perpendicular to `normal`.
-    """
-
-    outcome: str
-    normal: Numbers
-    up: Numbers
-
-
-@dataclass(frozen=True)
 class Engraved:
     """Die with labels, rounded edges, or something inside.
 
@@ -161,7 +145,6 @@ class Engraved:
     probabilities, elsewhere, max_abs_error: as in `Result`, of die.stl; None if the center of mass
         was given without `inside`, as the effect of marks on it is then unknown.
     reading: how to read the labels, in a sentence.
-    sides: of the labels on facets, in the order of the outcomes; an outcome can have several.
     balance: adjustment to the target.
     """
 
@@ -169,7 +152,6 @@ class Engraved:
     elsewhere: float | None = None
     max_abs_error: float | None = None
     reading: str | None = None
-    sides: tuple[LabelSide, ...] = ()
     balance: Balance | None = None
 
 
