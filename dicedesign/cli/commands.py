@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from dicedesign.errors import InputError, check_whole
-from dicedesign.report.paper import COLUMN_WIDTH
 
 MAX_JOBS = 4096
 """Limit of `--jobs`."""
@@ -348,10 +347,10 @@ class FigureArguments(WithRests):
     subject: Path
     _: KW_ONLY
     out: Path | None = None
-    width: float = COLUMN_WIDTH
+    width: float | None = None
     down: str | None = None
     before: Path | None = None
-    extensions = "dicedesign.report.figures:BODY_FIGURES"
+    extensions = "dicedesign.report.body_figures:BODY_FIGURES"
 
 
 @dataclass

@@ -19,6 +19,7 @@ from dicedesign.cli.commands import (
     ScatterArguments,
 )
 from dicedesign.cli.options import (
+    FIGURE_ENDINGS,
     center_of_mass,
     direction,
     numbers,
@@ -34,7 +35,6 @@ from dicedesign.cli.options import (
 from dicedesign.errors import MOST_SEED, InputError, check_whole, printable
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.sphere import angle_between
-from dicedesign.report.paper import COLUMN_WIDTH, FIGURE_ENDINGS, PAGE_WIDTH
 from dicedesign.runtime.files import (
     atomic_write,
     json_text,
@@ -246,6 +246,7 @@ def repair(options: RepairArguments) -> int:
     """Write the repaired surface of a mesh."""
     from dicedesign.fabricate.file_formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.surfaces.repair import FINEST, input_surface
+    from dicedesign.report.paper import PAGE_WIDTH
     from dicedesign.report.raster import upward_of
     from dicedesign.report.sheet import figure_bytes
     from dicedesign.report.surface_figures import repair as draw_repair
@@ -303,6 +304,7 @@ def balance(options: BalanceArguments) -> int:
     """Write a mesh with its center of mass moved toward a goal."""
     from dicedesign.balance.balanced import balance_body
     from dicedesign.balance.options import BalanceOptions
+    from dicedesign.report.paper import PAGE_WIDTH
     from dicedesign.report.sheet import figure_bytes
     from dicedesign.report.surface_figures import balance as draw_balance
 
@@ -426,7 +428,8 @@ MIN_WIDTH, MAX_WIDTH = 2.5, 20.0
 def draw_figure(options: FigureArguments) -> int:
     """Draw a figure of a body."""
     from dicedesign.recipe.subjects import subject_of
-    from dicedesign.report.figures import BODY_FIGURES
+    from dicedesign.report.body_figures import BODY_FIGURES
+    from dicedesign.report.paper import COLUMN_WIDTH
     from dicedesign.report.sheet import figure_bytes
 
     kind = BODY_FIGURES[options.kind]
@@ -440,9 +443,10 @@ def draw_figure(options: FigureArguments) -> int:
             )
     out = options.out or Path(f"{options.subject.resolve().stem}_{options.kind}.png")
     require_ending("--out", out, *FIGURE_ENDINGS, *([] if kind.table is None else [".csv"]))
-    if not MIN_WIDTH <= options.width <= MAX_WIDTH:
+    width = COLUMN_WIDTH if options.width is None else options.width
+    if not MIN_WIDTH <= width <= MAX_WIDTH:
         raise InputError(
-            f"--width: expected {MIN_WIDTH:g} to {MAX_WIDTH:g} inches, got {options.width:g}; one "
+            f"--width: expected {MIN_WIDTH:g} to {MAX_WIDTH:g} inches, got {width:g}; one "
             f"column of a paper is {COLUMN_WIDTH:g} wide"
         )
     down = None if options.down is None else numbers("--down", options.down)
@@ -454,7 +458,7 @@ def draw_figure(options: FigureArguments) -> int:
             item=options.item,
             down=down,
             before=options.before,
-            width=options.width,
+            width=width,
         )
         if kind.table is not None and out.suffix.lower() == ".csv":
             data = kind.table(subject).encode()

@@ -16,7 +16,6 @@ import numpy as np
 from dicedesign.cli.commands import WithWorkers
 from dicedesign.errors import InputError, printable
 from dicedesign.kernels import ops as kernels
-from dicedesign.report.paper import FIGURE_ENDINGS
 from dicedesign.runtime.files import json_text
 
 if TYPE_CHECKING:
@@ -85,6 +84,10 @@ def print_notes(*texts: object) -> None:
     """Print notes on stderr, one line each."""
     for text in texts:
         print(f"note: {printable(text)}", file=sys.stderr)
+
+
+FIGURE_ENDINGS = (".pdf", ".svg", ".png")
+"""Endings of files of figures."""
 
 
 def require_ending(option: str, path: Path, *endings: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.report.figures import Subject, surface_to_draw
+from dicedesign.report.body_figures import Subject, surface_to_draw
 from dicedesign.report.paper import COLUMN_WIDTH
 from dicedesign.report.raster import upward_of
 from dicedesign.report.renderer import RenderMesh

@@ -310,6 +310,6 @@ def roll_frequencies(
             f"{verdict.throws} throws: p = {verdict.p_value:.2g}, total variation "
             f"{variation.value:.3f} (a perfect die: {variation.noise_floor:.3f})"
         ),
-        x_label="outcome, with its count above",
+        x_label="outcome (number above a bar: its count)",
         width=width,
     )

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
-from matplotlib.ticker import LogLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.polynomial import Polynomial
 
 from dicedesign.errors import InputError
@@ -79,11 +79,13 @@ def history(
     energies = [[(time(s), s.energy) for s in run] for _, run in runs]
     shades = dict(zip(stages, cycle(STAGES), strict=False))
     keys = [Patch(fc=fill, hatch=hatch, ec=FAINT, label=s) for s, (fill, hatch) in shades.items()]
-    high = 2.0 * (chart_height(width) - 20.0)
+    # Beside each other on a wide sheet, else below.
+    rows, columns = (1, 2) if width >= 2.0 * COLUMN_WIDTH else (2, 1)
+    high = rows * (chart_height(width / columns) - 20.0)
     sheet = Sheet(POINTS * width, high + (GAP + key_height(keys, POINTS * width) if keys else 0.0))
     levels = [] if tolerance is None else [tolerance]
     for axes, name, curves, level in zip(
-        sheet.charts(2, high),
+        sheet.charts(rows, columns, bottom=high),
         ("error, max |p − q|", "energy of preferences" if preferred else energy),
         ([errors], energies),
         (levels, []),
@@ -97,7 +99,7 @@ def history(
         # Energies of several stages cannot be compared.
         if (curves[0] is errors or is_wide or stages) and values.any():
             low = _set_log_heights(axes, values, zero)
-        for curve in curves:
+        for curve in filter(None, curves):
             x, y = np.reshape(curve, (-1, 2)).T
             marker = "o" if len(values) <= MAX_MARKERS or len(curve) == 1 else ""
             axes.plot(x, np.where(y > zero, y, low), color=ACCENT, marker=marker, clip_on=False)
@@ -189,6 +191,7 @@ def rounds(result: Result, *, width: float = COLUMN_WIDTH) -> Sheet:
     axes.set(xlim=(0.0, 1.05 * float(drops[-1])), ylim=(0.0, 1.05 * axes.get_ylim()[1]))
     axes.set(xlabel="simulated throws so far", ylabel="total variation to the target")
     axes.xaxis.set_major_formatter("{x:,.0f}")
+    axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.grid()
     put_legend_above(axes, "deviation from the target, round by round")
     return sheet
@@ -278,8 +281,8 @@ def trade_off(result: Result, *, width: float = COLUMN_WIDTH) -> Sheet:
     hollow: dict[str, Any] = {"color": DARK, "mfc": "white", "mew": 0.8}
 
     def draw(label: str, points: Sequence[tuple[float, float]], **style: Any) -> None:
-        x, y = np.reshape(points, (-1, 2)).T
-        axes.plot(x, y, linestyle="", clip_on=False, label=label, **style)
+        if points:
+            axes.plot(*np.transpose(points), linestyle="", clip_on=False, label=label, **style)
 
     this = [places[attempt] for attempt in places if attempt == chosen]
     draw("this die", this, marker="o", ms=9.5, **hollow)
@@ -287,8 +290,7 @@ def trade_off(result: Result, *, width: float = COLUMN_WIDTH) -> Sheet:
     worst = {draft.attempt: next(draft_search.flaws(draft), None) for draft in drafts}
     for status, name, color, marker in kinds:
         group = [places[attempt] for attempt in worst if worst[attempt] is status]
-        if group:
-            draw(f"{name} ({len(group)})", group, color=color, marker=marker, ms=4.5)
+        draw(f"{name} ({len(group)})", group, color=color, marker=marker, ms=4.5)
     put_legend_above(axes, "smaller is better in both")
     sheet.draw_without_rendering()
     # The die itself is numbered first.

@@ -26,7 +26,7 @@ LEAST_WRITTEN = 0.01
 MAP_PIXELS = 345
 """Side of the grid of pixels of a disc."""
 
-FINER = 4
+FINER = 3
 """Parts of the side of a pixel at the border of a basin, to find the border within the pixel."""
 
 CHUNK = 20_000

@@ -19,6 +19,3 @@ REPORT_DPI = 200
 
 GAP = 6.0
 """Space between pictures, and at the edges of a sheet, in points."""
-
-FIGURE_ENDINGS = (".pdf", ".svg", ".png")
-"""Endings of files of figures."""

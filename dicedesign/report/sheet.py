@@ -40,7 +40,7 @@ LINE = 1.3
 LEGEND_LINE = 11.5
 """Height of a row of a legend, in points."""
 
-LEGEND_HANDLE = 30.0
+LEGEND_HANDLE = 24.0
 """Width of the mark of an entry of a legend and the space around it, in points."""
 
 MIN_CELL = 70.0
@@ -162,13 +162,13 @@ class Sheet(Figure):
         box = np.array([left, self.height - bottom, right - left, bottom - top])
         return self.add_axes(tuple(box / ([self.width, self.height] * 2)))
 
-    def charts(self, count: int = 1, bottom: float | None = None) -> list[Axes]:
-        """Add axes below each other, with room for their texts, from the top of the sheet to
+    def charts(self, rows: int = 1, columns: int = 1, *, bottom: float | None = None) -> list[Axes]:
+        """Add axes in rows and columns, with room for their texts, from the top of the sheet to
         `bottom` or its lower end."""
         part = 1.0 if bottom is None else bottom / self.height
         pad, rectangle = 4.0 / POINTS, (0.0, 1.0 - part, 1.0, part)
         self.set_layout_engine(ConstrainedLayoutEngine(w_pad=pad, h_pad=pad, rect=rectangle))
-        return list(self.subplots(count, 1, squeeze=False)[:, 0])
+        return list(self.subplots(rows, columns, squeeze=False).ravel())
 
     @cached_property
     def drawing(self) -> Axes:
