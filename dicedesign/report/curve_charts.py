@@ -114,7 +114,7 @@ def history(
             begin = end
         axes.set_xlabel(clock)
     if keys:
-        sheet.key(keys, high + 2.0)
+        sheet.add_key(keys, high + 2.0)
     return sheet
 
 

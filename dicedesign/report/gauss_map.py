@@ -298,7 +298,7 @@ class MapFigure:
             self._draw_disc(sheet, shifted, rings, grid.directions, labels)
             side = ", ".join(map(str, disc.short))
             sheet.write(f"from ({side})", (disc.middle[0], top + MAP_TOP / 2.0), size=BODY)
-        sheet.key(self.keys, top + MAP_TOP + 2.0 * disc_radius(self.width) + GAP)
+        sheet.add_key(self.keys, top + MAP_TOP + 2.0 * disc_radius(self.width) + GAP)
         place = (sheet.width / 2.0, top + self.note_top)
         sheet.write(self.note, place, size=NOTE, va="top")
 

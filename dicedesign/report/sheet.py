@@ -202,7 +202,7 @@ class Sheet(Figure):
         self.drawing.imshow(picture, extent=extent, aspect="auto", interpolation="auto")
 
     @with_style
-    def key(self, handles: Sequence[Artist], top: float) -> None:
+    def add_key(self, handles: Sequence[Artist], top: float) -> None:
         """Add a legend below a height, as high as `key_height` says."""
         columns = legend_columns(handles, self.width - 2.0 * GAP)
         place = (0.5, 1.0 - top / self.height)

@@ -210,7 +210,7 @@ def hull(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
     below = key_height(keys, POINTS * width) + GAP
     cameras = three_cameras(die.plain.body.points, die.upward)
     sheet = rows_of_views({"": surface_of(die)}, cameras, width, shell_of(die), below=below)
-    sheet.key(keys, sheet.height - below)
+    sheet.add_key(keys, sheet.height - below)
     return sheet
 
 

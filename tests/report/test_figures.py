@@ -17,6 +17,7 @@ from common.parsed_html import parse_page
 from common.paths import ROOT
 
 import dicedesign as dd
+from dicedesign.palette import outcome_colors
 from dicedesign.report.figures import FIGURES, Figure, figure_files
 from dicedesign.report.paper import DPI
 from dicedesign.report.raster import decode_png, encode_png
@@ -101,6 +102,7 @@ def test_poses_show_their_hull_and_probabilities() -> None:
     html = poses._repr_html_()
     shown = [float(cell.rstrip("%")) / 100 for cell in cells(html)[1::3]]
     np.testing.assert_allclose(shown, poses.probabilities, atol=1e-6)
+    assert re.findall(r"border-left: 1em solid (#\w+)", html) == outcome_colors(6)
     assert "<iframe" in html
     assert "6 rests" in repr(poses)
 
