@@ -23,30 +23,6 @@ FAINT = "#7b8794"
 GRID = "#dee1e4"
 """Lines of a grid."""
 
-BASINS = (
-    "#7fb2de",
-    "#f5b26b",
-    "#86cf94",
-    "#e58a8a",
-    "#b9a0dc",
-    "#f2dd6e",
-    "#6fcfcb",
-    "#eaa3cf",
-    "#b5b08a",
-    "#a9c94c",
-    "#c79a74",
-    "#c3ccd6",
-    "#4f8fc0",
-    "#d98324",
-    "#4fa865",
-    "#c25b5b",
-    "#8b6fc0",
-    "#c9ad1f",
-    "#33a09b",
-    "#c46aa3",
-)
-"""Colors of basins, the most probable basin first; they repeat after twenty."""
-
 FEW_OUTCOMES = ("#3B86DB", "#F3AE3D", "#B8497F", "#5CCBA8", "#8A5A2B")
 """Colors of up to five outcomes, far apart for each kind of color blindness."""
 
@@ -66,10 +42,10 @@ OUTCOME_RAMP = (
 """Colors of more outcomes, from dark to light; a label always accompanies them."""
 
 BLANK = "#d8d3c8"
-"""Facets without an outcome, and rounded edges."""
+"""Bodies of dice: facets without an outcome, and rounded edges."""
 
 INK = "#14171a"
-"""Text on light colors."""
+"""Text on light colors, and labels."""
 
 MIN_CONTRAST = 4.5
 """Contrast of text. Source: Web Content Accessibility Guidelines 2.2, criterion 1.4.3."""
@@ -86,9 +62,18 @@ def outcome_colors(count: int) -> list[str]:
 
 
 def text_color(background: str) -> str:
-    """Dark ink where it reaches `MIN_CONTRAST` on a background color, else white."""
-    ink, ground = (luminance(color) for color in (INK, background))
-    return INK if (ground + 0.05) / (ink + 0.05) >= MIN_CONTRAST else "#ffffff"
+    """Ink, white or black on a background color: the first that reaches `MIN_CONTRAST`."""
+    return next(
+        color
+        for color in (INK, "#ffffff", "#000000")
+        if contrast(color, background) >= MIN_CONTRAST
+    )
+
+
+def contrast(a: str, b: str) -> float:
+    """Contrast of two colors, from 1 to 21. Source: Web Content Accessibility Guidelines 2.2."""
+    light, dark = sorted((luminance(a), luminance(b)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
 
 
 def luminance(color: str) -> float:

@@ -24,7 +24,6 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from dicedesign.cli.commands import (
     BalanceArguments,
-    Command,
     DesignArguments,
     DropArguments,
     FigureArguments,
@@ -39,6 +38,7 @@ from dicedesign.cli.commands import (
     ThrowArguments,
     ViewArguments,
 )
+from dicedesign.cli.shared_options import Command
 from dicedesign.errors import DiceError, InputError, printable
 
 __all__ = ["main"]

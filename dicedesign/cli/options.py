@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dicedesign.cli.commands import WithWorkers
+from dicedesign.cli.shared_options import WithWorkers
 from dicedesign.errors import InputError, printable
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.files import json_text

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from itertools import count
@@ -23,10 +24,11 @@ from dicedesign.cli.options import (
 )
 from dicedesign.errors import InputError, printable
 from dicedesign.results.folder import read_result
+from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Integers
 from dicedesign.runtime.files import atomic_write, hold_interrupts
 from dicedesign.throws import goodness_of_fit
-from dicedesign.throws.goodness_of_fit import POWER, WITHIN, RollVerdict
+from dicedesign.throws.goodness_of_fit import ADVICE, POWER, WITHIN, RollVerdict
 from dicedesign.throws.roll_log import RollLog, read_counts
 
 LEAST_CONFIDENCE = 0.5
@@ -45,7 +47,8 @@ def judge_rolls(options: RollsArguments) -> int:
             f"{options.confidence:g}; 0.95 is usual"
         )
     require_figure("--figure", options.figure)
-    labels, probabilities, source = _read_probabilities(options.die, options.item)
+    _check_page(options)
+    labels, probabilities, source, die = _read_probabilities(options.die, options.item)
     if len(labels) < 2:
         raise InputError(
             f"{options.die}: expected a die with at least 2 outcomes, got {len(labels)}; "
@@ -59,7 +62,10 @@ def judge_rolls(options: RollsArguments) -> int:
         counts = read_counts(options.counts, labels)
     else:
         log = RollLog(options.log, labels)
-        _log_rolls(log, judge)
+        if options.page:
+            _serve_page(options, log, probabilities, judge, die)
+        else:
+            _log_rolls(log, judge)
         counts = log.counts
         if not counts.any():
             print('{"throws": 0}' if options.json else "no throws, nothing to judge")
@@ -79,20 +85,61 @@ def judge_rolls(options: RollsArguments) -> int:
     return 0
 
 
-def _read_probabilities(path: Path, item: int | None) -> tuple[list[str], list[float], str]:
-    """Labels, probabilities and the name of these: the target of a finished die, or the
-    probabilities of a mesh's rests without momentum."""
+def _check_page(options: RollsArguments) -> None:
+    """Raise InputError for a page without a file or with JSON, or its options without a page."""
+    if options.page and options.log is None:
+        raise InputError(
+            "--page: expected a file for the throws, got none; name it with --log, such as "
+            "--log rolls.csv"
+        )
+    if options.page and options.json:
+        raise InputError(
+            "--json: expected no --page, which prints its address; run dicedesign rolls on the "
+            "file afterwards"
+        )
+    given = {
+        "--port": options.port != RollsArguments.port,
+        "--no-browser": options.no_browser,
+        "--phone": options.phone,
+    }
+    for name, is_given in given.items():
+        if is_given and not options.page:
+            raise InputError(f"{name}: expected --page with it, got none; add --page")
+
+
+def _serve_page(
+    options: RollsArguments,
+    log: RollLog,
+    probabilities: Sequence[float],
+    judge: Callable[[Integers], RollVerdict],
+    die: Result | None,
+) -> None:
+    """Serve a page that logs throws until an interrupt."""
+    from dicedesign.view.rolls_page import RollsPage, serve_rolls
+
+    name = options.die.name if die is None else die.name
+    page = RollsPage(log, probabilities, judge, name, die)
+    with suppress(KeyboardInterrupt):
+        serve_rolls(page, options.port, phone=options.phone, browser=not options.no_browser)
+    log.reload()
+
+
+def _read_probabilities(
+    path: Path, item: int | None
+) -> tuple[list[str], list[float], str, Result | None]:
+    """Labels, probabilities, the name of these, and the finished die: the target of a finished die,
+    or the probabilities of a mesh's rests without momentum."""
     if not os.path.isdir(path):
         # A finished die does not need this import.
         from dicedesign.geometry.meshes.reading import read_body
 
         _, poses = find_poses(read_body(path, item))
         labels = [str(i + 1) for i in range(len(poses.probabilities))]
-        return labels, poses.probabilities.tolist(), "geometric probabilities of its rests"
+        return labels, poses.probabilities.tolist(), "geometric probabilities of its rests", None
     die = read_result(path)
     if not die.converged:
         print_notes(f"{path}: this die does not meet its target ({die.status})")
-    return list(die.labels), list(die.target), "target of its design"
+    return list(die.labels), list(die.target), "target of its design", die
 
 
 def _log_rolls(log: RollLog, judge: Callable[[Integers], RollVerdict]) -> None:
@@ -110,8 +157,7 @@ def _log_rolls(log: RollLog, judge: Callable[[Integers], RollVerdict]) -> None:
         say(
             f"{count_text}Type what comes up ({', '.join(map(printable, log.labels))}), one or "
             f"several on a line. {UNDO} removes the last, an empty line shows all, {DONE} ends.\n"
-            "Decide on a number of throws before you begin: if you stop as soon as p is small, "
-            "good dice fail too."
+            f"{ADVICE}"
         )
     try:
         for number in count(1):
@@ -152,11 +198,7 @@ def _answer(log: RollLog, change: str, judge: Callable[[Integers], RollVerdict])
     verdict = judge(log.counts)
     if not change:
         return _describe(log.labels, verdict)
-    known = f"{change}: {verdict.throws} throws, p = {verdict.p_value:.2g}"
-    more = max(0, verdict.to_confirm - verdict.throws)
-    if verdict.rejected:
-        return f"{known}, which rejects the probabilities"
-    return f"{known}, {more} more to settle it" if more else f"{known}, enough to settle it"
+    return f"{change}: {verdict.summary}"
 
 
 def _summarize(labels: list[str], verdict: RollVerdict) -> dict[str, Any]:
@@ -228,9 +270,8 @@ def _describe(labels: Sequence[str], verdict: RollVerdict) -> str:
             f"If the die's probabilities are these frequencies, {more} more throws would reject "
             f"these probabilities with probability {POWER:g}."
         )
-    more = max(0, verdict.to_confirm - verdict.throws)
     lines.append(
-        f"If the die's probabilities are these, {more} more throws would show that they are, to "
-        f"within a total variation of {WITHIN:g}."
+        f"If the die's probabilities are these, {verdict.more_to_confirm} more throws would show "
+        f"that they are, to within a total variation of {WITHIN:g}."
     )
     return "\n".join(lines)

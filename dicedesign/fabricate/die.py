@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -211,6 +211,20 @@ class Solid(Surface):
     inlay: Surface | None = None
     core: ConvexHull | None = None
     marks: Booleans | None = None
+
+    def mark_facets(self, facets: Sequence[FacetOfDie], upward: float) -> tuple[FacetOfDie, ...]:
+        """Facets of the plain die with the upright directions of the labels that are read at rest.
+
+        upward: 1 if labels are read on top, -1 if underneath.
+        """
+        marked = []
+        for facet in facets:
+            own = [label for label in self.placements if label.text == facet.outcome]
+            side = -upward * np.array(facet.normal)
+            read = max(own, key=lambda label: float(label.frame[:3, 2] @ side), default=None)
+            upright = None if read is None else tuple(read.frame[:3, 1].tolist())
+            marked.append(replace(facet, upright=upright))
+        return tuple(marked)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,15 +16,10 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.geometry.triangles import Surface, join_surfaces
+from dicedesign.palette import BLANK, INK, rgb
 from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.registry import Extension, Registry
-
-BODY_COLOR = "#e8e3d8"
-"""Color of a die."""
-
-LABEL_COLOR = "#1f2933"
-"""Color of labels."""
 
 
 def _read(path: Path) -> tuple[Floats, Integers]:
@@ -45,11 +40,13 @@ class Part(Surface):
     points: (n, 3) in mm, z upward; triangles: (t, 3) counter-clockwise seen from outside.
     name: such as "die"; color: "#rrggbb".
     labels: (t,) whether a triangle belongs to a label, or None without labels.
+    label_color: "#rrggbb" of these triangles.
     """
 
     name: str
     color: str
     labels: Booleans | None = None
+    label_color: str = INK
 
     def groups(self) -> list[tuple[str, str, Integers]]:
         """Name, color and triangles (s, 3) of each color of the part."""
@@ -57,7 +54,7 @@ class Part(Surface):
             return [(self.name, self.color, self.triangles)]
         return [
             (self.name, self.color, self.triangles[~self.labels]),
-            ("labels", LABEL_COLOR, self.triangles[self.labels]),
+            ("labels", self.label_color, self.triangles[self.labels]),
         ]
 
 
@@ -290,7 +287,7 @@ def glb(contents: Contents) -> bytes:
 
 def _material(name: str, color: str) -> dict[str, Any]:
     """Material of a color, converted from sRGB to linear light."""
-    shown = np.array([int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
+    shown = rgb([color])[0]
     light = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
     factors = {
         "baseColorFactor": [*np.round(light, 6).tolist(), 1.0],
@@ -363,7 +360,7 @@ def mesh_bytes(points: Floats, triangles: Integers, ending: str, name: str = "me
     ------
     InputError: an unknown ending; a coordinate that is not finite in the format's precision.
     """
-    contents = Contents("die", [Part(points, triangles, "die", BODY_COLOR)])
+    contents = Contents("die", [Part(points, triangles, "die", BLANK)])
     return file_bytes(contents, format_of_ending(ending, name), name)
 
 

@@ -16,6 +16,22 @@ BUNDLED_FONT = "DejaVu Sans Bold"
 
 FONT_FILES = (".ttf", ".otf", ".ttc")
 
+ICON_NAMES = (
+    "heart",
+    "star",
+    "bolt",
+    "moon",
+    "drop",
+    "leaf",
+    "crown",
+    "cross",
+    "diamond",
+    "ring",
+    "arrow",
+    "flag",
+)
+"""Names of the icons of the package, which may stand for a path."""
+
 Content = Literal["text", "pips"]
 Ambiguous = Literal["bar", "dot", "none"]
 Style = Literal["engraved", "raised"]
@@ -59,8 +75,8 @@ class EngravingOptions(Options):
     blank: list[str] = field(default_factory=list)
     """Labels whose faces stay blank, such as the rim of a coin."""
     icons: dict[str, str] = field(default_factory=dict)
-    """SVG files by the labels they replace; paths are relative to the recipe. Dark areas are cut,
-    as tall as a digit."""
+    """Icons by the labels they replace: SVG files, with paths relative to the recipe, or names of
+    `ICON_NAMES`. Dark areas are cut, as tall as a digit."""
     font: str = BUNDLED_FONT
     """The bundled font, the family of an installed one (its bold face), or the path of a .ttf or
     .otf file, relative to the recipe."""

@@ -19,6 +19,7 @@ import numpy as np
 from manifold3d import CrossSection, FillRule
 
 from dicedesign.errors import InputError, named
+from dicedesign.fabricate.finish_options import ICON_NAMES
 from dicedesign.fabricate.fonts import CHORD_TOLERANCE, PolylinePen
 from dicedesign.runtime.files import read_file
 
@@ -86,7 +87,7 @@ def icon_section(path: str, label: str) -> CrossSection:
 
     Dark shapes and strokes are added and light ones subtracted, in the order of the file.
 
-    path: of the file; label: of the icon, in messages.
+    path: of the file, or one of `ICON_NAMES`; label: of the icon, in messages.
 
     Raises
     ------
@@ -94,6 +95,8 @@ def icon_section(path: str, label: str) -> CrossSection:
         text, pictures or other elements, fills that are no plain colors, too many shapes or
         corners, or shows nothing.
     """
+    if path in ICON_NAMES:
+        path = str(Path(__file__).parent / "symbols" / f"{path}.svg")
     with named(f"engrave.icons: label {label!r}"):
         data = read_file(Path(path), "an SVG file", most=MOST_BYTES)
         with named(path):

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dicedesign.fabricate.die import Design
     from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.results.parts import RoundOfThrows
+    from dicedesign.optimize.targets import Target
+    from dicedesign.results.parts import Candidate, RoundOfThrows
     from dicedesign.results.result import Step
     from dicedesign.runtime.arrays import Floats
 
@@ -28,6 +30,8 @@ class Callbacks:
     on_start: receives the number of each starting shape of a convex die, from 0 on.
     on_shape: receives the hull of a convex die and its faces' directions (f, 3), in the order of
         the target, before `on_step` receives the step.
+    on_candidate: receives each of several dice with different numbers of faces when it is designed:
+        what distinguishes it, its target with its faces, and its design.
     """
 
     on_stage: Callable[[str], None] = lambda *_: None
@@ -37,3 +41,4 @@ class Callbacks:
     on_start: Callable[[int], None] = lambda *_: None
     on_shape: Callable[[ConvexHull, Floats], None] = lambda *_: None
     on_part: Callable[[int, int, str], None] = lambda *_: None
+    on_candidate: Callable[[Candidate, Target, Design], None] = lambda *_: None

@@ -103,8 +103,9 @@ def design_candidates(work: Work) -> Design:
     for die in _design_dice(work, wanted):
         found.append(die)
         measured.append(_measure(work, die, full=wanted > 1))
+        work.callbacks.on_candidate(measured[-1], die.target, die.design)
         work.callbacks.on_part(len(found), len(found) + 1, "dice")
-        if wanted == 1 and not measured[-1].lacks:
+        if sum(not one.lacks for one in measured) == wanted:
             break
     if not found:
         raise NoStartError(
@@ -141,22 +142,25 @@ def pick_candidate(work: Work, pick: int, compared: int) -> Design:
 def _design_dice(work: Work, wanted: int) -> Iterator[_Die]:
     """Yield dice in the order of the rule."""
     recipe, plain = work.recipe, work.target
-    most, is_found = max(MAX_NEAR, wanted // 2), False
+    equal, left = numbers_of_equal_faces(plain.probabilities), wanted
     if recipe.faces == AUTO:
-        for number in numbers_of_equal_faces(plain.probabilities)[:most]:
-            is_found = True
+        for number in equal[: max(MAX_NEAR, wanted // 2)]:
+            left -= 1
             yield _of_equal_faces(plain, number)
-        near = [number for number in NUMBERS if number >= max(len(plain.labels), 6)]
+        least = max(len(plain.labels), 6)
+        near = [number for number in NUMBERS if number >= least and number not in equal]
     else:
         assert isinstance(recipe.faces, int)
-        if recipe.faces in numbers_of_equal_faces(plain.probabilities):
+        if recipe.faces in equal:
             yield _of_equal_faces(plain, recipe.faces)
         near = [recipe.faces]
+    is_found = left < wanted
     table = recipe.method.options.table_with_hand
     thrown = None if recipe.purpose == "setting-down" else ThrowProbabilities.on(table)
     shares = [share_faces(plain.probabilities, number) for number in near]
     shares.sort(key=lambda one: (max(one.cost, EVEN_SHARES), len(one.outcome)))
-    for one in shares[:most]:
+    # One of the dice has one face an outcome.
+    for one in shares[: max(MAX_NEAR, left - 1)]:
         die = _of_near_faces(work, one, thrown)
         if die is not None:
             is_found = True

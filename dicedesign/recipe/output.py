@@ -14,9 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.fabricate.file_formats import (
-    BODY_COLOR,
     FILE_FORMATS,
-    LABEL_COLOR,
     Contents,
     Part,
     file_bytes,
@@ -28,6 +26,7 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.meshes.reading import read_stl, stl_bytes
 from dicedesign.geometry.triangles import Surface, join_surfaces
+from dicedesign.palette import BLANK, INK
 from dicedesign.recipe.pipeline import Work
 from dicedesign.recipe.reading import recipe_text
 from dicedesign.report.figures import FIGURES, figure_files
@@ -193,9 +192,9 @@ def die_contents(work: Work) -> Contents:
         probabilities = verdict.outcomes.probabilities.tolist()
         facts["Probabilities"] = json.dumps(dict(zip(labels, probabilities, strict=True)))
     solid, options = work.finished, work.recipe.engrave
-    parts = [Part(solid.points, solid.triangles, "die", BODY_COLOR)]
+    parts = [Part(solid.points, solid.triangles, "die", BLANK)]
     if solid.inlay is not None:
-        parts.append(Part(solid.inlay.points, solid.inlay.triangles, "labels", LABEL_COLOR))
+        parts.append(Part(solid.inlay.points, solid.inlay.triangles, "labels", INK))
     elif work.engraved is not None and options is not None:
         # It imports manifold3d.
         from dicedesign.fabricate.engraving import labels_below_hull

@@ -29,6 +29,7 @@ from dicedesign.results.result import (
     Engraved,
     InfillProbabilities,
     Inside,
+    LabelSide,
     PrintTolerances,
     Result,
     StageTime,
@@ -168,11 +169,18 @@ class Work:
     def result(self) -> Result:
         """Result of the stages so far, available after the check."""
         plain, die, target, engraved = self.plain, self.die, self.target, None
+        facets = plain.facets
         if self.engraved is not None:
+            is_read_below = self.reading is not None and self.reading.way == "down"
+            facets = self.engraved.mark_facets(facets, -1.0 if is_read_below else 1.0)
             verdict = self.engraved.assessment
             engraved = Engraved(
                 **({} if verdict is None else verdict.as_fields()),
                 reading=None if self.reading is None else self.reading.sentence,
+                sides=tuple(
+                    LabelSide(each.text, *map(tuple, each.frame[:3, [2, 1]].T.tolist()))
+                    for each in self.engraved.placements
+                ),
                 balance=self.balance,
             )
         files: dict[str, str] = {}
@@ -192,7 +200,7 @@ class Work:
             labels=target.labels,
             target=tuple(target.probabilities.tolist()),
             center_of_mass=tuple(plain.poses.center_of_mass.tolist()),
-            facets=plain.facets,
+            facets=facets,
             unstable_facets=len(plain.poses.hull.normals) - len(plain.poses.facets),
             rest_counts=tuple(plain.outcomes.rest_counts.tolist()),
             least_angle_deg=math.degrees(plain.outcomes.least_angle),

@@ -19,7 +19,7 @@ import yaml
 from pydantic import ValidationError
 
 from dicedesign.errors import RecipeError, named
-from dicedesign.fabricate.finish_options import is_font_file
+from dicedesign.fabricate.finish_options import ICON_NAMES, is_font_file
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.target import read_shorthand
 from dicedesign.runtime.files import read_text
@@ -253,14 +253,16 @@ def resolve_paths(data: Mapping[str, Any], folder: Path) -> None:
 
     engrave = part(data, "engrave")
     paths = [(part(part(data, "start"), "mesh"), "path")]
-    paths += [(part(engrave, "icons"), label) for label in part(engrave, "icons")]
+    icons = part(engrave, "icons")
+    paths += [(icons, label) for label in icons]
     if isinstance(engrave.get("font"), str) and is_font_file(engrave["font"]):
         paths.append((engrave, "font"))
     for entries, key in paths:
-        if isinstance(entries.get(key), str):
+        path = entries.get(key)
+        if isinstance(path, str) and not (entries is icons and path in ICON_NAMES):
             # The reader of the file refuses an invalid path.
             with contextlib.suppress(ValueError):
-                entries[key] = os.path.realpath(folder / entries[key])
+                entries[key] = os.path.realpath(folder / path)
 
 
 def _explain(error: ValidationError) -> str:

@@ -8,7 +8,6 @@ import hashlib
 import zipfile
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache, partial
 from importlib.resources import files
 from importlib.util import find_spec
@@ -19,25 +18,31 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Contents, Part, glb
+from dicedesign.fabricate.file_formats import Contents, Part, glb
 from dicedesign.fabricate.printers import MATERIALS
-from dicedesign.geometry.sphere import norms
-from dicedesign.geometry.triangles import Surface, doubled_area_vectors, join_surfaces
-from dicedesign.palette import BASINS, rgb
+from dicedesign.palette import outcome_colors, text_color
+from dicedesign.report.colored_die import (
+    color_parts,
+    colored_mesh,
+    die_picture,
+    main_rest,
+    reading_views,
+)
 from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
-from dicedesign.report.figures import FIGURES, MAX_FLAT_TRIANGLES
+from dicedesign.report.figures import FIGURES
 from dicedesign.report.raster import (
     UP,
     Camera,
-    encode_png,
+    decode_png,
+    encode_webp,
     frame_cameras,
-    three_cameras,
     trim,
 )
-from dicedesign.report.renderer import RenderMesh, color_triangles, render, render_on_table
+from dicedesign.report.renderer import render_on_table
 from dicedesign.results.parts import Draft, Search, Status, TableResult
 from dicedesign.results.result import Result
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.results.verdict import judge
+from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import Spread, Table, most_of, scale
 
@@ -61,90 +66,25 @@ FLAWS = {
     Status.FRAGILE: "prints",
 }
 
+PNG_BEGINS = b"\x89PNG"
+
 MAX_TRIANGLES = 60_000
 """Most triangles of a solid in a page; more would add megabytes."""
 
-PAIRS_AT_ONCE = 2_000_000
-"""Number of pairs of a triangle and a facet that are compared at a time, to limit memory."""
-
-TOUCHING_HEIGHT = 3e-3
-"""Height above the table up to which a concave die touches it, over its largest extent."""
-
-TOUCHING_COSINE = 0.9
-"""Cosine of the largest slope of the surface where it touches the table."""
+MAX_WIDTH = 1200
+"""Width in pixels of the largest pictures in a page; their files may have more."""
 
 PLATE_PIXELS = 1200
 """Side of the picture of a print bed before it is trimmed."""
 
-LABEL_COSINE = 0.999
-"""Cosine of the largest angle between the normals of a label and of its facet."""
-
-
-def rest_colors(die: FinishedDie) -> list[str]:
-    """Colors "#rrggbb" of rests: as on the Gauss map, or by outcome for a concave die."""
-    rests = range(len(die.plain.poses.facets))
-    if die.reshaped is None:
-        return [BASINS[rest % len(BASINS)] for rest in rests]
-    outcomes = die.plain.outcomes.outcome_of_rest.tolist()
-    return [BODY_COLOR if k < 0 else BASINS[k % len(BASINS)] for k in outcomes]
-
-
-def facet_parts(parts: Sequence[Part], die: FinishedDie) -> list[Part]:
-    """Parts of a printed die, divided by rest.
-
-    Names are "facet-0" for the most probable rest and so on, "body" for triangles without a rest,
-    and "labels-0" and so on for inlays.
-
-    parts: the first is the body, others are inlays.
-    """
-    colors, facets = rest_colors(die), []
-    for part in parts:
-        is_body = part is parts[0]
-        rests = rests_of_triangles(part, die)
-        for rest in np.unique(rests).tolist():
-            own = rests == rest
-            color, labels = part.color, None if part.labels is None else part.labels[own]
-            name = "body" if is_body else "labels"
-            if rest >= 0:
-                name = f"facet-{rest}" if is_body else f"labels-{rest}"
-            if is_body:
-                color = BODY_COLOR if rest < 0 else colors[rest]
-            # A facet that is all label would leave the body without triangles.
-            if labels is not None and labels.all():
-                name, color, labels = name.replace("facet", "labels"), part.color, None
-            triangles = part.triangles[own]
-            facets.append(replace(part, name=name, color=color, triangles=triangles, labels=labels))
-    return facets
+DIE_PIXELS, SMALL_PIXELS = 800, 280
+"""Widths of pictures of dice in a report and in tables."""
 
 
 def _in_order(result: Result) -> list[int]:
-    """Numbers of the facets in the order of the labels, those of none last."""
+    """Numbers of the rests in the order of the labels, those of none last."""
     labels = [*result.labels, None]
     return sorted(range(len(result.facets)), key=lambda k: labels.index(result.facets[k].outcome))
-
-
-def rests_of_triangles(part: Surface, die: FinishedDie) -> Integers:
-    """Rest (t,) of each triangle of a printed die, or -1.
-
-    On a convex die it is the one of the nearest facet, also for labels and rounded edges. On a
-    concave die it is the rest in which the triangle touches the table.
-    """
-    poses, middles = die.plain.poses, part.points[part.triangles].mean(axis=1)
-    whole = die.printed.points
-    normals = poses.hull.normals if die.reshaped is None else poses.normals
-    support = np.array([(whole @ normal).max() for normal in normals])
-    count = 1 + len(middles) * len(normals) // PAIRS_AT_ONCE
-    parts = np.array_split(middles, count)
-    nearest = np.concatenate([np.argmin(support - each @ normals.T, axis=1) for each in parts])
-    if die.reshaped is None:
-        of_facet = np.full(len(normals), -1, dtype=np.int64)
-        of_facet[poses.facets] = np.arange(len(poses.facets))
-        return of_facet[nearest]
-    down, areas = normals[nearest], doubled_area_vectors(part.points, part.triangles)
-    heights = support[nearest] - (middles * down).sum(axis=1)
-    flat = (areas * down).sum(axis=1) >= TOUCHING_COSINE * norms(areas)
-    touches = flat & (heights <= TOUCHING_HEIGHT * np.ptp(whole, axis=0).max())
-    return np.where(touches, nearest, -1)
 
 
 @lru_cache(maxsize=1)
@@ -174,7 +114,10 @@ def _is_moving(image: bytes) -> bool:
 
 
 def _data_uri(image: bytes) -> str:
-    kind = "gif" if _is_moving(image) else "png"
+    """Address of a picture. A PNG becomes a WebP of a tenth of its size."""
+    if image.startswith(PNG_BEGINS):
+        image = encode_webp(decode_png(image), MAX_WIDTH)
+    kind = "gif" if _is_moving(image) else "webp"
     return f"data:image/{kind};base64,{b64encode(image).decode('ascii')}"
 
 
@@ -202,13 +145,14 @@ def _environment() -> Environment:
         "ends": _ends,
         "scaled": scale,
         "svg_path": _svg_path,
+        "text_color": text_color,
     }
     return environment
 
 
 def _svg_path(rings: Sequence[Floats]) -> str:
     """Path of closed polygons (m, 2) in SVG, in whole pixels."""
-    texts = (" ".join(f"{x:.0f},{y:.0f}" for x, y in ring.tolist()) for ring in rings)
+    texts = (" ".join(f"{x:.1f},{y:.1f}" for x, y in ring.tolist()) for ring in rings)
     return "".join(f"M{text}Z" for text in texts)
 
 
@@ -227,41 +171,40 @@ def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part
     images: PNG or GIF bytes of figures by name, see `FIGURES`; others are left out.
     parts: solids of the printed die, first the one of the STL file.
     """
-    result, poses, style = die.result, die.plain.poses, _template_file("page.css")
+    result, poses, colored = die.result, die.plain.poses, color_parts(parts, die.result)
     script, three = _template_file("viewer.js"), three_script()
-    triangles = sum(len(part.triangles) for part in parts)
+    triangles = sum(len(part.triangles) for part in colored)
     scripts, data, left_out = [script], dict[str, bytes](), ""
     if three is None:
         left_out = "The die cannot be turned here: trimesh is installed without its viewer."
     elif triangles > MAX_TRIANGLES:
         left_out = f"The die cannot be turned here: it has {triangles:,} triangles."
     else:
-        solid = glb(Contents(result.name, facet_parts(parts, die)))
+        solid = glb(Contents(result.name, colored))
         scripts, data = [script, three], {"solid": solid, "three": three.encode()}
     sums = [b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
     policy = " ".join([f"{POLICY}; script-src", *(f"'sha256-{each}'" for each in sums)])
-    upward: list[Floats | None] = [None] * len(poses.facets)
-    for label in () if die.engraved is None else die.engraved.placements[::-1]:
-        for rest in np.flatnonzero(poses.normals @ label.frame[:3, 2] > LABEL_COSINE):
-            upward[rest] = label.frame[:3, 1]
     hidden = {MAP} | {figure.instead_of for figure in FIGURES if figure.name in images}
-    print_facts, search = result.printability, result.search
-    simulated = None if result.thrown is None else result.thrown.simulated
+    print_facts, search, thrown = result.printability, result.search, result.thrown
+    simulated = None if thrown is None else thrown.simulated
     return (
         _environment()
         .get_template("die.html.j2")
         .render(
             title=result.name,
             policy=policy,
-            style=style + _template_file("viewer.css") + _template_file("print.css"),
+            style="".join(map(_template_file, ("page.css", "die.css", "print.css"))),
             script=script,
             data=data,
             left_out=left_out,
             result=result,
-            colors=rest_colors(die),
+            verdicts=judge(result),
+            still=die_picture(colored, result, DIE_PIXELS),
+            views=reading_views(result),
+            main_rest=main_rest(result),
+            colors=dict(zip(result.labels, outcome_colors(len(result.labels)), strict=True)),
             in_order=_in_order(result),
             heights=poses.hull.heights(poses.center_of_mass)[poses.facets],
-            upward=upward,
             mass_center=poses.center_of_mass,
             outlines=basin_outlines(poses) if MAP in images else [],
             images=images,
@@ -271,10 +214,10 @@ def die_page(die: FinishedDie, images: Mapping[str, bytes], parts: Sequence[Part
             map_size=MAP_SIZE,
             map_radius=RADIUS,
             center=", ".join(f"{round(value, 3) + 0.0:.3f}" for value in result.center_of_mass),
-            tabletop=None if result.thrown is None else Table(**result.thrown.table),
+            tabletop=None if thrown is None else Table(**thrown.table),
             engine=None if simulated is None else ENGINES[simulated.engine],
             advice=throwing_advice(
-                result.thrown,
+                thrown,
                 result.prior,
                 can_be_thrown=result.forecast is not None and not result.is_warned,
             ),
@@ -306,62 +249,49 @@ def sweep_page(
     name: str,
     rows: Sequence[Mapping[str, Any]],
     keys: Sequence[str],
-    solids: Mapping[str, tuple[Surface, Floats]],
+    dice: Mapping[str, tuple[Sequence[Part], Result]],
 ) -> str:
     """HTML of the dice of a sweep, side by side.
 
     Parameters
     ----------
     name: of the recipe. rows: of sweep.csv. keys: columns of the varied keys.
-    solids: surface in mm and direction upward (3,) of each die that was made, by its folder.
+    dice: parts of the printed die in mm, and the result, of each die that was made, by its folder.
     """
-    pictures = {}
-    for folder, (solid, up) in solids.items():
-        is_smooth = len(solid.triangles) > MAX_FLAT_TRIANGLES
-        mesh = RenderMesh(solid.points, solid.triangles, smooth=is_smooth)
-        pictures[folder] = _small_picture(mesh, up)
     return _table_page(
         "sweep",
         title=f"{name}: sweep",
         rows=rows,
         keys=keys,
-        pictures=pictures,
+        pictures={
+            folder: die_picture(color_parts(parts, result), result, SMALL_PIXELS)
+            for folder, (parts, result) in dice.items()
+        },
     )
 
 
-def set_page(plate: Contents, dice: Sequence[Mapping[str, Any]]) -> str:
+def set_page(
+    plate: Sequence[Part],
+    dice: Sequence[Mapping[str, Any]],
+    colored: Sequence[tuple[Sequence[Part], Result]],
+) -> str:
     """HTML of a set of dice.
 
     Parameters
     ----------
-    plate: the dice on the print bed, z upward. dice: entries of set.json, in the same order.
+    plate: parts by `color_parts` of all dice on the print bed, z upward.
+    dice: entries of set.json. colored: parts by `color_parts` and result of each, in this order.
     """
-    whole = _paint(plate.parts)
+    whole = colored_mesh(plate, is_smooth=False)
     (camera,) = frame_cameras([Camera(np.array([0.0, -0.4, 1.0]), UP)], [whole.points])
     (picture,) = trim([render_on_table(whole, UP, camera, PLATE_PIXELS)])
     return _table_page(
         "set",
-        title=plate.title,
+        title=f"{len(dice)} dice",
         dice=dice,
-        plate=encode_png(picture),
-        pictures=[_small_picture(_paint([part]), UP) for part in plate.parts],
+        plate=encode_webp(picture),
+        pictures=[die_picture(parts, result, SMALL_PIXELS) for parts, result in colored],
     )
-
-
-def _paint(parts: Sequence[Part]) -> RenderMesh:
-    """Solids with their labels in color."""
-    labels = [np.zeros(len(p.triangles), bool) if p.labels is None else p.labels for p in parts]
-    body, label = rgb([BODY_COLOR, LABEL_COLOR])
-    whole = join_surfaces(*parts)
-    colors = np.where(np.concatenate(labels)[:, None], label, body)
-    return color_triangles(whole.points, whole.triangles, colors)
-
-
-def _small_picture(surface: RenderMesh, up: Floats) -> bytes:
-    """PNG of a solid at rest, from about 30 degrees above."""
-    direction = three_cameras(surface.points, up)[0].direction + 0.3 * up
-    (camera,) = frame_cameras([Camera(direction, up)], [surface.points])
-    return encode_png(render(surface, camera, 220))
 
 
 def throwing_advice(

@@ -17,7 +17,7 @@ from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.arrays import Floats, Integers, ragged_ranges
 
 Picture: TypeAlias = NDArray[np.uint8]
-"""(h, w, 3) red, green and blue."""
+"""(h, w, 3) red, green and blue, or (h, w, 4) with opacity."""
 
 UPRIGHT = (".stl", ".3mf", ".xyz")
 """Endings of files for printing and construction, in which z is upward; in other files y is."""
@@ -30,11 +30,23 @@ TURNS_DEG = (35.0, 155.0, 275.0)
 MARGIN = 1.08
 """Width of a picture over the width of the body."""
 
+WEBP_QUALITY = 84
+"""Quality of pictures in pages, of 100."""
+
 
 def encode_png(picture: Picture) -> bytes:
     """Content of the PNG file of a picture."""
     buffer = BytesIO()
     Image.fromarray(picture).save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()
+
+
+def encode_webp(picture: Picture, max_width: int | None = None) -> bytes:
+    """Content of the WebP file of a picture, scaled down to at most `max_width` pixels."""
+    buffer, image = BytesIO(), Image.fromarray(picture)
+    if max_width is not None:
+        image.thumbnail((max_width, image.height))
+    image.save(buffer, "WEBP", quality=WEBP_QUALITY, method=4)
     return buffer.getvalue()
 
 

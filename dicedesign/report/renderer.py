@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import label, uniform_filter
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms
@@ -49,6 +49,9 @@ SHARP_DEGREES = 20.0
 
 STEP_SAMPLES = 2.0
 """Height, in samples, above which steps in depth are outlined."""
+
+MIN_LINE_SAMPLES = 24
+"""Number of samples of the shortest lines that are drawn."""
 
 GLASS = np.array([0.52, 0.57, 0.62])
 """Color of clear glass."""
@@ -162,6 +165,19 @@ def render(
     return picture
 
 
+def render_clear(surface: RenderMesh, camera: Camera, size: int, shadow: Floats) -> Picture:
+    """Picture (size, size, 4) of a surface as `render` draws it, with its opacity.
+
+    shadow: (size, size) opacity from 0 to 1 of a shadow behind it.
+    """
+    positions = SAMPLES * camera.pixel_positions(surface.points, size)
+    color, opacity = _surface_layer(surface, positions, camera, size)
+    opacity = opacity + (1.0 - opacity) * shadow[..., None]
+    color = color / np.where(opacity > 0.0, opacity, 1.0)
+    clear = np.concatenate([color, opacity], axis=2)
+    return np.rint(255.0 * clear.clip(0.0, 1.0)).astype(np.uint8)
+
+
 def _surface_layer(
     surface: RenderMesh, positions: Floats, camera: Camera, side: int
 ) -> tuple[Floats, Floats]:
@@ -173,7 +189,8 @@ def _surface_layer(
     triangle_of_pixel, depth = rasterize(positions, surface.triangles, fine)
     covered = triangle_of_pixel >= 0
     flat = _facing_normals(positions, surface.triangles)
-    line = _outline(triangle_of_pixel, flat, depth, 180.0 if surface.smooth else SHARP_DEGREES)
+    sharp_degrees = 180.0 if surface.smooth else SHARP_DEGREES
+    line = _outline(triangle_of_pixel, surface.triangles, flat, depth, sharp_degrees)
     lines = (0.8 if surface.smooth else 1.0) * line.reshape(fine, fine, 1)
     left = covered[..., None] - lines * covered[..., None]
     share, height = sample_means(covered * 1.0), sample_means(np.where(covered, depth, 0.0))
@@ -217,7 +234,8 @@ def _glass_layer(
     # Samples that see nothing have the index -1, which is the last row.
     samples = np.vstack([glass, np.zeros(4)])[triangle_of_pixel]
     # Edges between coplanar triangles are not drawn.
-    edge = _outline(triangle_of_pixel, normals, depth, 1.0).reshape(triangle_of_pixel.shape)
+    edge = _outline(triangle_of_pixel, shell.triangles, normals, depth, 1.0)
+    edge = edge.reshape(triangle_of_pixel.shape)
     samples[edge] += 0.2 * strength * (np.append(LINE, 1.0) - samples[edge])
     pixels = sample_means(samples)
     return pixels[..., :3], pixels[..., 3:]
@@ -296,33 +314,58 @@ def _recess_shade(coverage: Floats, height: Floats, reach: float) -> Floats:
 
 
 def _outline(
-    triangle_of_pixel: Integers, normals: Floats, depth: Floats, sharp_degrees: float
+    triangle_of_pixel: Integers,
+    triangles: Integers,
+    normals: Floats,
+    depth: Floats,
+    sharp_degrees: float,
 ) -> Booleans:
     """Mask (n * n,) of the samples on both sides of silhouettes, sharp edges and steps in depth.
 
+    Slivers one sample wide between parts of one surface have no outlines, where triangles meet in a
+    point there is no step, and specks are left out.
+
     triangle_of_pixel: (n, n) triangle of each sample, or -1.
-    normals: (t, 3) of the triangles, toward the camera.
+    triangles: (t, 3) indices of points; normals: (t, 3), toward the camera.
     depth: (n, n) toward the camera, in samples.
     sharp_degrees: angle between the normals at an edge above which it is sharp.
     """
-    triangle, height = triangle_of_pixel.ravel(), depth.ravel()
+    triangle, height, side = triangle_of_pixel.ravel(), depth.ravel(), len(triangle_of_pixel)
     line = np.zeros(triangle.shape, dtype=bool)
-    for step, offset in ((1, (1.0, 0.0)), (len(triangle_of_pixel), (0.0, -1.0))):
+
+    def parts(one: Integers, other: Integers, offset: tuple[float, float], apart: int) -> Booleans:
+        """Whether an edge or a step parts samples, a number of samples apart."""
+        first, second = normals[triangle[one]], normals[triangle[other]]
+        # Distance of each of two surface points from the plane of the other.
+        rise = height[other] - height[one]
+        away = [np.abs(apart * (n[:, :2] @ offset) + n[:, 2] * rise) for n in (first, second)]
+        sharp = (first * second).sum(-1) < np.cos(np.radians(sharp_degrees))
+        corners = triangles[triangle[one]], triangles[triangle[other]]
+        meet = (corners[0][:, :, None] == corners[1][:, None]).any(axis=(1, 2))
+        step = (np.minimum(*away) > STEP_SAMPLES) & ~meet
+        return np.asarray(sharp | step)
+
+    for step, offset in ((1, (1.0, 0.0)), (side, (0.0, -1.0))):
         # Within a triangle there is neither an edge nor a step.
         sample = np.flatnonzero(triangle[:-step] != triangle[step:])
         if step == 1:
-            sample = sample[sample % len(triangle_of_pixel) != len(triangle_of_pixel) - 1]
+            sample = sample[sample % side != side - 1]
         border = (triangle[sample] < 0) | (triangle[sample + step] < 0)
-        both = sample[~border]
-        first, second = normals[triangle[both]], normals[triangle[both + step]]
-        # Distance of each of two neighboring surface points from the plane of the other.
-        rise = height[both + step] - height[both]
-        away = [np.abs(n[:, :2] @ offset + n[:, 2] * rise) for n in (first, second)]
-        sharp = (first * second).sum(-1) < np.cos(np.radians(sharp_degrees))
-        border[~border] = sharp | (np.minimum(*away) > STEP_SAMPLES)
+        inner = np.flatnonzero(~border)
+        both = sample[inner]
+        border[inner] = parts(both, both + step, offset, 1)
+        # The samples before and after these, on the body and in the same row or column.
+        before, after = both - step, both + 2 * step
+        known = (before >= 0) & (after < len(triangle))
+        if step == 1:
+            known &= (before // side == both // side) & (after // side == both // side)
+        known[known] &= (triangle[before[known]] >= 0) & (triangle[after[known]] >= 0)
+        border[inner[known]] &= parts(before[known], after[known], offset, 3)
         line[sample[border]] = True
         line[sample[border] + step] = True
-    return line
+    # Where a step is hardly one, it comes and goes.
+    pieces, _ = label(line.reshape(side, side), np.ones((3, 3)))
+    return np.asarray(line & (np.bincount(pieces.ravel()) >= MIN_LINE_SAMPLES)[pieces.ravel()])
 
 
 def render_shadow(

@@ -51,6 +51,8 @@ class FacetOfDie:
     polygon_area_mm2: area. inradius_mm: radius of the largest circle in the facet.
     margin_deg: tilt that leaves the rest over the nearest saddle.
     border_deg: smallest angle from the normal to the border of the basin.
+    upright: (3,) direction in which the label that is read at this rest is upright; None if it has
+        none on a flat face.
     """
 
     label: str | None
@@ -61,6 +63,7 @@ class FacetOfDie:
     inradius_mm: float
     margin_deg: float
     border_deg: float
+    upright: Numbers | None = None
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,22 @@ class Balance:
 
 
 @dataclass(frozen=True)
+class LabelSide:
+    """Side of the die from which a label is read.
+
+    Attributes
+    ----------
+    outcome: its label.
+    normal: (3,) unit direction from the die to the reader.
+    up: (3,) unit direction that is upward in the label, perpendicular to `normal`.
+    """
+
+    outcome: str
+    normal: Numbers
+    up: Numbers
+
+
+@dataclass(frozen=True)
 class Engraved:
     """Die with labels, rounded edges, or something inside.
 
@@ -144,6 +163,7 @@ class Engraved:
     probabilities, elsewhere, max_abs_error: as in `Result`, of die.stl; None if the center of mass
         was given without `inside`, as the effect of marks on it is then unknown.
     reading: how to read the labels, in a sentence.
+    sides: of the labels on facets, in the order of the outcomes; an outcome can have several.
     balance: adjustment to the target.
     """
 
@@ -151,6 +171,7 @@ class Engraved:
     elsewhere: float | None = None
     max_abs_error: float | None = None
     reading: str | None = None
+    sides: tuple[LabelSide, ...] = ()
     balance: Balance | None = None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dicedesign.palette import BASINS, rgb
+from dicedesign.palette import outcome_colors, rgb
 from dicedesign.report.raster import UP, Camera, encode_png, frame_cameras, rasterize, trim
 from dicedesign.report.renderer import RenderMesh, render, render_shadow
 from dicedesign.runtime.arrays import Floats, Integers
@@ -45,7 +45,8 @@ def room_picture(room: Room) -> bytes:
         triangles.append(faces + sum(sizes))
         sizes.append(len(corners))
     all_points, all_triangles = np.concatenate(points), np.concatenate(triangles)
-    colors = rgb(BASINS)[[body.model % len(BASINS) for body in room.bodies]].repeat(sizes, axis=0)
+    of_models = rgb(outcome_colors(len(room.models)))
+    colors = of_models[[body.model for body in room.bodies]].repeat(sizes, axis=0)
     level = np.array([np.sin(TURN), -np.cos(TURN), 0.0])
     camera = Camera(np.cos(RISE) * level + np.sin(RISE) * UP, UP)
     (camera,) = frame_cameras([camera], [np.concatenate([all_points, room.floor_corners])])

@@ -15,7 +15,6 @@ import numpy as np
 
 from dicedesign.errors import DiceError, InputError
 from dicedesign.fabricate.file_formats import (
-    BODY_COLOR,
     FILE_FORMATS,
     Contents,
     Part,
@@ -25,6 +24,7 @@ from dicedesign.fabricate.file_formats import (
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.meshes.gltf import read_beside
 from dicedesign.geometry.meshes.reading import MESH_ENDINGS, quiet_trimesh, read_body
+from dicedesign.palette import BLANK
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
@@ -92,7 +92,7 @@ def pose_bytes(path: Path, body: Body, transform: Floats, ending: str) -> bytes:
         posed: Any = scene if kind == "glb" else scene.to_geometry()
         content = posed.export(file_type=kind)
         return content.encode() if isinstance(content, str) else cast("bytes", content)
-    part = Part(points, body.triangles, path.stem, BODY_COLOR)
+    part = Part(points, body.triangles, path.stem, BLANK)
     contents = Contents(path.stem, [part], unit="the unit of the mesh that was posed")
     return file_bytes(contents, FILE_FORMATS[kind], str(path))
 

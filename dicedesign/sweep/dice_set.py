@@ -23,9 +23,11 @@ from dicedesign.recipe.pipeline import Work, finish, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.solid import place_at_size
+from dicedesign.report.colored_die import color_parts
 from dicedesign.report.pages import set_page
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.folder import open_results_folder
+from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text, remove_files, write_files
 from dicedesign.sweep.dice import MAX_FOLDER_NAME
 from dicedesign.sweep.ranking import PAGE, Row
@@ -102,12 +104,25 @@ def make_set(
             with named(name):
                 run_stages(work, after="size")
             on_die()
-        parts = _place_on_bed(works)
+        solids = [die_contents(work).parts for work in works]
+        motions = _place_on_bed(works, [solid for solid, *_ in solids])
+        parts = [
+            replace(_move(solid, motion), name=work.recipe.name)
+            for (solid, *_), motion, work in zip(solids, motions, works, strict=True)
+        ]
         dice = [_describe(work) for work in works]
-        plate = Contents(f"{len(dice)} dice", parts, is_plate=True)
+        colored = [
+            (color_parts(parts, work.result()), work.result())
+            for parts, work in zip(solids, works, strict=True)
+        ]
+        placed = [
+            _move(part, motion)
+            for (parts, _), motion in zip(colored, motions, strict=True)
+            for part in parts
+        ]
         files = {
-            PLATE: three_mf(plate),
-            PAGE: set_page(plate, dice).encode("utf-8"),
+            PLATE: three_mf(Contents(f"{len(dice)} dice", parts, is_plate=True)),
+            PAGE: set_page(placed, dice, colored).encode("utf-8"),
             TABLE: json_text({"size_mm": size_mm, "dice": dice}).encode("utf-8"),
         }
         remove_files(folder, [TABLE])
@@ -150,16 +165,19 @@ def _height_at_rest(solid: Surface, poses: RestPoses) -> float:
     return float(np.ptp(solid.points @ poses.normals.T, axis=0) @ poses.probabilities)
 
 
-def _place_on_bed(works: Sequence[Work]) -> list[Part]:
-    """Finished dice in rows in the middle of the print bed, from the back to the front, each in its
-    best orientation. Raises InputError if they do not fit."""
-    parts = []
-    for work in works:
+def _move(part: Part, motion: Floats) -> Part:
+    """Part after a rigid motion (4, 4)."""
+    return replace(part, points=part.points @ motion[:3, :3].T + motion[:3, 3])
+
+
+def _place_on_bed(works: Sequence[Work], solids: Sequence[Part]) -> list[Floats]:
+    """Rigid motions (4, 4) of finished dice, each in its best orientation, to rows in the middle of
+    the print bed, from the back to the front. Raises InputError if they do not fit."""
+    motions, parts = [], []
+    for work, solid in zip(works, solids, strict=True):
         assert work.printability is not None
-        motion = np.array(work.printability.placement)
-        part, *_ = die_contents(work).parts
-        points = part.points @ motion[:3, :3].T + motion[:3, 3]
-        parts.append(replace(part, points=points, name=work.recipe.name))
+        motions.append(np.array(work.printability.placement))
+        parts.append(_move(solid, motions[-1]))
     assert works[0].recipe.print is not None
     printer = works[0].recipe.print.selected_printer
     bed = np.array([printer.bed_width_mm, printer.bed_depth_mm])
@@ -181,10 +199,9 @@ def _place_on_bed(works: Sequence[Work]) -> list[Part]:
             f"{max(sides[row, 0].sum() for row in rows):.0f} mm, {sum(depths):.0f} mm deep in all, "
             "with gaps; make fewer or smaller dice at a time"
         )
-    return [
-        replace(part, points=part.points + np.append(middle, 0.0))
-        for part, middle in zip(parts, middles, strict=True)
-    ]
+    for motion, middle in zip(motions, middles, strict=True):
+        motion[:2, 3] += middle
+    return motions
 
 
 def _describe(work: Work) -> Row:

@@ -11,7 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from dicedesign.fabricate.engraving import labels_below_hull, labels_off_surface
+from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.meshes.reading import read_stl
+from dicedesign.palette import BLANK, INK
 from dicedesign.report.pages import sweep_page
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import Result
@@ -96,6 +99,31 @@ def measure_die(result: Result, faces: int) -> Row:
     }
 
 
+def _read_parts(result: Result, depth_mm: float | None) -> list[Part]:
+    """Parts of the printed die of a result, from its files, with their labels.
+
+    depth_mm: of labels, None without labels.
+    """
+    plain = read_stl(result.plain_file.read_bytes()).surface
+    folder, names = result.plain_file.parent, result.files
+    if "die" not in names:
+        return [Part(plain.points, plain.triangles, "die", BLANK)]
+    solid = read_stl((folder / names["die"]).read_bytes()).surface
+    labels = None
+    if "die_inlay" in names:
+        inlay = read_stl((folder / names["die_inlay"]).read_bytes()).surface
+        filling = [Part(inlay.points, inlay.triangles, "labels", INK)]
+        return [Part(solid.points, solid.triangles, "die", BLANK), *filling]
+    if depth_mm is not None:
+        is_flat = result.concave is None
+        labels = (
+            labels_below_hull(solid, depth_mm)
+            if is_flat
+            else labels_off_surface(solid, plain, depth_mm)
+        )
+    return [Part(solid.points, solid.triangles, "die", BLANK, labels)]
+
+
 def write_sweep(
     folder: Path,
     title: str,
@@ -106,7 +134,7 @@ def write_sweep(
 
     faults: messages of the combinations that cannot be made. Raises OutputError.
     """
-    rows, solids = [], {}
+    rows, dice = [], {}
     for name, die in combinations.items():
         row: Row = dict.fromkeys(COLUMNS) | {"folder": name, "status": "not made", **die.varied}
         if name in faults:
@@ -114,14 +142,15 @@ def write_sweep(
         elif is_made(folder / name, die.recipe):
             result = read_result(folder / name)
             row |= measure_die(result, len(die.recipe.target.target().face_labels))
-            solid = read_stl(result.plain_file.read_bytes()).surface
-            solids[name] = solid, -np.array(result.facets[0].normal)
+            engrave = die.recipe.engrave
+            depth_mm = None if engrave is None else engrave.depth_mm
+            dice[name] = _read_parts(result, depth_mm), result
         rows.append(row)
     ranked = rank_rows(rows)
     keys = list(next(iter(combinations.values())).varied)
     files = {
         TABLE: _csv_text([*COLUMNS, *keys], ranked),
-        PAGE: sweep_page(title, ranked, keys, solids),
+        PAGE: sweep_page(title, ranked, keys, dice),
     }
     write_files({folder / name: text.encode("utf-8") for name, text in files.items()})
     return ranked

@@ -156,6 +156,12 @@ POWER = 0.8
 WITHIN = 0.02
 """Total variation up to which a die counts as correct."""
 
+ADVICE = (
+    "Decide on a number of throws before you begin: if you stop as soon as p is small, good dice "
+    "fail too."
+)
+"""Advice to those who see the verdict while they throw."""
+
 
 @dataclass(frozen=True)
 class RollVerdict:
@@ -209,6 +215,20 @@ class RollVerdict:
     def rejected(self) -> bool:
         """Whether the test rejects the given probabilities."""
         return self.p_value <= 1.0 - self.confidence
+
+    @property
+    def more_to_confirm(self) -> int:
+        """Number of further throws up to `to_confirm`."""
+        return max(0, self.to_confirm - self.throws)
+
+    @property
+    def summary(self) -> str:
+        """Number of throws, p-value, and whether more throws are needed, in one line."""
+        start = f"{self.throws:,} throws, p = {self.p_value:.2g}"
+        if self.rejected:
+            return f"{start}, which rejects the probabilities"
+        more = self.more_to_confirm
+        return f"{start}, {more:,} more to settle it" if more else f"{start}, enough to settle it"
 
 
 def judge_rolls(counts: ArrayLike, probabilities: ArrayLike, confidence: float) -> RollVerdict:

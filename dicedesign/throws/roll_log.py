@@ -86,14 +86,23 @@ class RollLog:
             for name, label in written.items()
             if folded[name.casefold()] == 1
         } | written
-        if path.exists():
-            self.throws = [label for _, (label,) in _rows_of_one_die(path, labels, (ONE_BY_ONE,))]
+        self.reload()
         self._save()
 
     @property
     def counts(self) -> Integers:
         """(k,) counts of the labels."""
         return np.array([self.throws.count(label) for label in self.labels], dtype=np.int64)
+
+    def reload(self) -> None:
+        """Read the throws from the file, which other programs may have changed or removed.
+
+        Raises InputError: as at the beginning.
+        """
+        rows: Rows = []
+        if self.path.exists():
+            rows = _rows_of_one_die(self.path, self.labels, (ONE_BY_ONE,))
+        self.throws = [label for _, (label,) in rows]
 
     def add(self, text: str) -> list[str]:
         """Add the throws of a text, and return their labels: one label, or several separated by

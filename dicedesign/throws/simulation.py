@@ -349,20 +349,26 @@ class Film:
         return np.asarray(self.positions[frame] + arms @ self.rotations[frame].T)
 
 
-def throw_film(body: RigidBody, table: Table, seed: int = 0, down: Floats | None = None) -> Film:
-    """Film a typical throw, the one of median length of `CANDIDATES`, until the body looks at rest
-    or the time of simulations is up.
+def throw_film(
+    body: RigidBody,
+    table: Table,
+    seed: int = 0,
+    down: Floats | None = None,
+    candidates: int = CANDIDATES,
+) -> Film:
+    """Film a throw until the body looks at rest or the time of simulations is up.
 
     seed: at least 0, determines the film. down: (3,) unit direction of the body's own frame that
-    points down at release; None for random orientations.
+    points down at release; None for random orientations. candidates: number of throws, of which the
+    one of median length is filmed; 1 for a throw without selection.
 
     Raises InputError if the compiled kernels are missing.
     """
     step, seconds = time_step(table), longest_throw(table)
     rng = np.random.default_rng(seed)
-    states = release_states(body, table, CANDIDATES, rng, down)
+    states = release_states(body, table, candidates, rng, down)
     _, steps = advance(body, table, states.copy(), round(seconds / step))
-    state = states[[np.argsort(steps, kind="stable")[CANDIDATES // 2]]]
+    state = states[[np.argsort(steps, kind="stable")[candidates // 2]]]
     # A whole number of steps in a frame.
     steps_per_frame = math.ceil(1.0 / (FRAMES_PER_SECOND * step))
     refinement = steps_per_frame * FRAMES_PER_SECOND * step

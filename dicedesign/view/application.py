@@ -1,95 +1,143 @@
-"""Start, serve and end the page."""
+"""Routes of the page, and how it starts and ends."""
 
 from __future__ import annotations
 
-import os
+import asyncio
+import json
+import socket
 import sys
 import threading
-import webbrowser
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Mapping
+from functools import partial
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from dicedesign.errors import printable
-from dicedesign.geometry.meshes.body import make_body
-from dicedesign.runtime.workers import progress_bar
-from dicedesign.view.body_panel import BodyPanel
-from dicedesign.view.new_die_panel import NewDiePanel
-from dicedesign.view.page import Page
-from dicedesign.view.serving import open_socket, require_viser
-from dicedesign.view.sources import Source, open_source
-from dicedesign.view.viewed_body import ViewedBody
-from dicedesign.view.viewport import Viewport
+from dicedesign.fabricate.finish_options import ICON_NAMES
+from dicedesign.fabricate.printers import PRINTERS
+from dicedesign.palette import BLANK
+from dicedesign.throws.tables import TABLE_NAMES
+from dicedesign.view.bodies import Bodies
+from dicedesign.view.dice import Shop, Stopped
+from dicedesign.view.server import Gate, make_app, open_socket, require_server, serve
+from dicedesign.view.sources import open_source
 
-__all__ = ["View", "serve_view"]
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
 
-_BLOCK_SIDES = (1.0, 1.2, 0.8)
-"""Sides of the body on a page without a path, before the first die."""
+__all__ = ["make_page", "serve_view"]
+
+EXAMPLES = ("d7", "2d6", "1/2, 1/3, 1/6", "50%, 30%, 20%", "1:1:1:1:1:2", "binomial: 4")
+"""Texts that the page offers."""
 
 
-class View:
-    """Page with its panels; `close` ends it. The first body is loaded before the page opens.
+def make_page(path: Path | None, gate: Gate) -> Starlette:
+    """Application of the page.
 
-    path: mesh, recipe, folder of a finished die, or folder of meshes; None designs a first die.
-    port: of the page, for this machine alone; 0 is any free port.
-
-    Raises InputError: the path or the port cannot be used, or viser is not installed.
+    path: mesh, recipe, folder of a finished die, or folder of meshes that it opens with; None for a
+    new die. Raises InputError: the path cannot be used.
     """
+    shop = Shop()
+    source = None if path is None else open_source(path)
+    bodies = Bodies(shop, source)
+    first = None
+    if source is not None:
+        # Its errors belong on the terminal, before the page opens.
+        first = bodies.open({"name": source.names[0]})
+        for note in first["notes"]:
+            print(f"note: {printable(note)}", file=sys.stderr)
 
-    def __init__(self, path: Path | None, port: int = 0) -> None:
-        require_viser()
-        source = None if path is None else open_source(path)
-        listening = open_socket(port)
-        try:
-            body = _first_body(source)
-        except BaseException:
-            listening.close()
-            raise
-        self.page = Page(listening)
-        self.viewport = Viewport(self.page, body)
-        panels: dict[str, Callable[[], object]] = {
-            "Body": lambda: BodyPanel(self.viewport, source),
-            "New die": lambda: NewDiePanel(self.viewport, begins=source is None),
+    def start(_: Any) -> dict[str, Any]:
+        return {
+            "examples": EXAMPLES,
+            "tables": TABLE_NAMES,
+            "printers": [[one.name, one.line.partition(",")[0]] for one in PRINTERS],
+            "icons": len(ICON_NAMES),
+            "blank": BLANK,
+            "bodies": bodies.names,
+            "body": first,
         }
-        for title in panels if source is not None else reversed(panels):
-            with self.page.tabs.add_tab(title):
-                panels[title]()
-        self.page.enqueue(lambda: self.viewport.show(body))
 
-    def close(self) -> None:
-        """Stop everything."""
-        self.page.close()
+    routes: dict[str, Callable[[Any], Any]] = {
+        "/start": start,
+        "/target": shop.target,
+        "/dice": partial(_stream_dice, shop),
+        "/dress": shop.dress,
+        "/printing": shop.printing,
+        "/throw": shop.throw,
+        "/judge": shop.judge,
+        "/file": lambda query: _download(*shop.file(query)),
+        "/body/open": bodies.open,
+        "/body/change": bodies.change,
+        "/body/thrown": bodies.probabilities,
+        "/body/throw": bodies.throw,
+        "/body/map": bodies.gauss_map,
+        "/body/file": lambda query: _download("hull.stl", bodies.hull_file(query)),
+    }
+    return make_app(gate, "die.html", routes, {"/body/upload": bodies.upload})
 
 
-def _first_body(source: Source | None) -> ViewedBody:
-    """Load the first body of a source, with progress and notes on stderr; None makes a block."""
-    if source is None:
-        corners = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
-        return ViewedBody.of(make_body(corners * _BLOCK_SIDES, name="a block"))
-    with progress_bar("body") as bar:
-        body = source.load(source.names[0], bar.set_description_str)
-    for note in body.poses.notes:
-        print(f"note: {printable(note)}", file=sys.stderr)
-    return body
+def _download(name: str, content: bytes) -> Any:
+    from starlette.responses import Response
+
+    header = {"Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}"}
+    return Response(content, media_type="application/octet-stream", headers=header)
+
+
+def _stream_dice(shop: Shop, query: Mapping[str, Any]) -> Any:
+    """Response of one JSON value a line, while dice are designed in a thread, which ends when the
+    page closes the request."""
+    from starlette.responses import StreamingResponse
+
+    async def lines() -> AsyncIterator[bytes]:
+        loop, news = asyncio.get_running_loop(), asyncio.Queue[dict[str, Any] | None]()
+        is_stopped = threading.Event()
+
+        def emit(value: dict[str, Any] | None) -> None:
+            check()
+            loop.call_soon_threadsafe(news.put_nowait, value)
+
+        def check() -> None:
+            if is_stopped.is_set():
+                raise Stopped
+
+        def run() -> None:
+            try:
+                shop.find_dice(query, emit, check)
+            except Stopped:
+                return
+            except Exception as error:
+                emit({"error": f"unexpected error, {type(error).__name__}: {error}"})
+                raise
+            finally:
+                if not is_stopped.is_set():
+                    emit(None)
+
+        threading.Thread(target=run, name="design", daemon=True).start()
+        try:
+            while (value := await news.get()) is not None:
+                yield json.dumps(value).encode() + b"\n"
+        finally:
+            is_stopped.set()
+
+    return StreamingResponse(lines(), media_type="application/x-ndjson")
 
 
 def serve_view(path: Path | None, port: int, *, browser: bool) -> None:
-    """Serve a page, and print its address, until an interrupt. Raises as `View`.
+    """Serve the page, and print its address, until an interrupt.
 
-    browser: opens a browser on this machine, if it has a screen.
+    path: as in `make_page`. port: for this machine alone; 0 is any free port. browser: opens a
+    browser on this machine, if it has a screen.
+
+    Raises InputError: the path or the port cannot be used, or the extra "view" is not installed.
     """
-    view = View(path, port)
-    # Without a screen, a text browser would take over the terminal.
-    has_screen = sys.platform in ("darwin", "win32") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
+    require_server()
+    listening: socket.socket = open_socket(port)
+    gate = Gate(listening.getsockname()[1])
     try:
-        print(view.page.gate.address, flush=True)
-        if browser and has_screen:
-            webbrowser.open(view.page.gate.address)
-        threading.Event().wait()
-    except KeyboardInterrupt as interrupt:
-        raise KeyboardInterrupt("the page is closed") from interrupt
-    finally:
-        view.close()
+        page = make_page(path, gate)
+    except BaseException:
+        listening.close()
+        raise
+    serve(page, listening, gate.address, browser=browser)

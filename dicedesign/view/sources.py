@@ -18,7 +18,6 @@ from dicedesign.recipe.pipeline import Callbacks
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.folder import read_result
-from dicedesign.results.parts import READINGS
 from dicedesign.results.result import RESULT, Result, Step
 from dicedesign.view.viewed_body import Outcomes, ViewedBody, outcomes_of
 
@@ -82,14 +81,12 @@ def _load_die(result: Result) -> ViewedBody:
     target = dict(zip(result.labels, result.target, strict=True))
     shown = {facet.label for facet in faces}
     labels = tuple(label for label in result.labels if label in shown)
-    reading = result.engraved and result.engraved.reading
     outcomes = Outcomes(
         labels,
         np.array([facet.normal for facet in faces]).reshape(-1, 3),
         np.array([target[label] for label in labels]),
         result.prior,
         np.array([labels.index(facet.label) for facet in faces], dtype=np.int64),
-        result.concave is None and reading in (None, READINGS["up"]),
     )
     center = None if engraved else np.array(result.center_of_mass)
     return ViewedBody.of(read_body(path), center, outcomes, name=result.name)
@@ -111,4 +108,4 @@ def _design(recipe: Recipe, on_progress: OnProgress) -> ViewedBody:
     if work.engraved is not None and work.engraved.assessment is not None:
         solid = work.engraved
     body = body_of(solid, recipe.name)
-    return ViewedBody.of(body, work.solid.center_of_mass, outcomes_of(work, work.die.directions))
+    return ViewedBody.of(body, work.solid.center_of_mass, outcomes_of(work))

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.numbering import opposite_facets
 from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.sphere import angle_between
@@ -96,7 +95,6 @@ class Outcomes:
     target: (k,) target probabilities, or None.
     prior: distribution of the orientation at release; None is uniform.
     outcome_of: (f,) outcome that each face shows; None for one outcome each.
-    is_read_on_top: whether labels are on top where each has a level facet there.
     """
 
     labels: tuple[str, ...]
@@ -104,22 +102,16 @@ class Outcomes:
     target: Floats | None = None
     prior: Prior | str | None = None
     outcome_of: Integers | None = None
-    is_read_on_top: bool = True
 
 
-def outcomes_of(work: Work, directions: Floats) -> Outcomes:
-    """Outcomes of a design, with directions (f, 3) of the faces in the order of its target."""
-    recipe, target = work.recipe, work.target
-    way: str = "auto" if recipe.engrave is None else recipe.engrave.read
-    if work.reading is not None:
-        way = work.reading.way
+def outcomes_of(work: Work) -> Outcomes:
+    """Outcomes of a design, by the faces of its target."""
     return Outcomes(
-        target.labels,
-        directions,
-        target.probabilities,
-        recipe.prior,
-        target.outcome_of_face,
-        recipe.method.concave is None and way in ("auto", "up"),
+        work.target.labels,
+        work.die.directions,
+        work.target.probabilities,
+        work.recipe.prior,
+        work.target.outcome_of_face,
     )
 
 
@@ -255,7 +247,11 @@ class ViewedBody:
             )
         labels, target = self.outcomes.labels, self.outcomes.target
         outcomes = self._outcome_probabilities
-        rests = dict(reversed(self.labeled_rests))
+        main = outcomes.main.tolist()
+        of_face = range(len(main)) if self.outcomes.outcome_of is None else self.outcomes.outcome_of
+        # The most probable rest of an outcome comes last.
+        pairs = sorted(zip(main, of_face, strict=True), reverse=True)
+        rests = {labels[outcome]: rest for rest, outcome in pairs if rest >= 0}
         columns = zip(
             labels,
             range(len(labels)),
@@ -269,30 +265,6 @@ class ViewedBody:
         if len(others):
             rows.append(ProbabilityRow(ELSEWHERE, len(rows), int(others[0]), outcomes.elsewhere))
         return tuple(rows)
-
-    @cached_property
-    def labeled_rests(self) -> tuple[tuple[str, int], ...]:
-        """Label and rest of each face, the most probable first; of a body without outcomes, those
-        of each rest by number."""
-        if self.outcomes is None:
-            return tuple((row.label, row.rest) for row in self.rows)
-        of_face = self.outcomes.outcome_of
-        faces = range(len(self.outcomes.directions)) if of_face is None else of_face.tolist()
-        pairs = zip(faces, self._outcome_probabilities.main.tolist(), strict=True)
-        found = [(self.outcomes.labels[outcome], rest) for outcome, rest in pairs if rest >= 0]
-        return tuple(sorted(found, key=lambda pair: pair[1]))
-
-    @cached_property
-    def labeled_facets(self) -> Integers:
-        """(r,) facet with the label of each rest: the resting facet, or that on top of it if the
-        die is read there."""
-        facets = self.poses.facets
-        if self.outcomes is None or not self.outcomes.is_read_on_top:
-            return facets
-        tops = opposite_facets(self.hull, facets)
-        labeled = tops[[rest for _, rest in self.labeled_rests]]
-        is_on_top = (labeled >= 0).all() and len(np.unique(labeled)) == len(labeled)
-        return np.where(tops >= 0, tops, facets) if is_on_top else facets
 
     @cached_property
     def rigid(self) -> RigidBody:

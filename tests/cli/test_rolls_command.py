@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import io
 import json
+import re
+import signal
+import socket
 import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import numpy as np
 import pytest
 from common.finished import box_file, finished_run
+from common.processes import heed_interrupts
 
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
@@ -164,3 +169,69 @@ def test_no_throw_is_typed(
     monkeypatch.setattr(sys, "stdin", Pipe(log, ""))
     assert run_json(capsys, die, "--log", log) == {"throws": 0}
     assert log.read_text() == "label\n"
+
+
+def test_a_page_logs_throws_until_an_interrupt(die: Path, log: Path) -> None:
+    """Then the verdict is printed, as after typed throws."""
+    pytest.importorskip("uvicorn")
+    command = [sys.executable, "-m", "dicedesign", "rolls", str(die), "--log", str(log)]
+    process = subprocess.Popen(
+        [*command, "--page", "--port", "0", "--no-browser"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=heed_interrupts,
+    )
+    with process:
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+        for outcome in (0, 6, 6):
+            request = urllib.request.Request(address + "roll", str(outcome).encode())
+            with urllib.request.urlopen(request, timeout=60) as answer:
+                assert answer.status == 200
+        process.send_signal(signal.SIGINT)
+        out, error = process.communicate(timeout=60)
+    assert (process.returncode, error) == (0, "")
+    assert "3 throws, tested for the target" in out
+    assert log.read_text().split() == ["label", "2", "8", "8"]
+
+
+def test_only_a_page_for_phones_is_open_to_the_network(
+    die: Path, log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its address has a key, another one each time."""
+    pytest.importorskip("uvicorn")
+    served = []
+
+    def serve(app: object, listening: socket.socket, address: str, *, browser: bool) -> None:
+        served.append((listening.getsockname()[0], address))
+        listening.close()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dicedesign.view.rolls_page.serve", serve)
+    monkeypatch.setattr("dicedesign.view.rolls_page.network_address", lambda: "192.0.2.7")
+    page = ["rolls", str(die), "--log", str(log), "--page", "--port", "0"]
+    for more in ([], ["--phone"], ["--phone"]):
+        assert main([*page, *more]) == 0
+    (alone, local), *phones = served
+    assert alone == "127.0.0.1"
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", local)
+    assert [host for host, _ in phones] == ["0.0.0.0"] * 2
+    keys = [re.fullmatch(r"http://192\.0\.2\.7:\d+/([\w-]{12,})/", url) for _, url in phones]
+    assert len({key[1] for key in keys if key is not None}) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["counts.csv", "--page"], "--page: expected a file for the throws"),
+        (["--log", "rolls.csv", "--phone"], "--phone: expected --page"),
+        (["--log", "rolls.csv", "--port", "0"], "--port: expected --page"),
+        (["--log", "rolls.csv", "--page", "--json"], "--json: expected no --page"),
+    ],
+)
+def test_a_page_needs_a_file_and_its_options_a_page(
+    die: Path, options: list[str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["rolls", str(die), *options]) == 2
+    assert expected in capsys.readouterr().err

@@ -41,6 +41,6 @@ def test_the_page_is_served_until_an_interrupt(tmp_path: Path) -> None:
 def test_a_missing_extra_is_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "viser", None)
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
     assert main(["view", "--port", "0"]) == 2
     assert "pip install 'dicedesign[view]'" in capsys.readouterr().err

@@ -11,10 +11,11 @@ import numpy as np
 import trimesh
 
 from dicedesign.fabricate.die import FinishedDie, Solid, assess_file
-from dicedesign.fabricate.file_formats import BODY_COLOR, Part
+from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.optimize.targets import Target
+from dicedesign.palette import BLANK
 from dicedesign.report.pages import die_page
 from dicedesign.results.parts import Concave, Displacement, HullOfSurface, SurfaceSize
 from dicedesign.results.result import RESULT, Designed, FacetOfDie, Result, StageTime, Step
@@ -80,7 +81,7 @@ def page_text(die: FinishedDie, images: dict[str, bytes] | None = None) -> str:
     """HTML of the report of a die whose printed solid is the plain one."""
     body = die.plain.body
     assert body.triangles is not None
-    return die_page(die, images or {}, [Part(body.points, body.triangles, "die", BODY_COLOR)])
+    return die_page(die, images or {}, [Part(body.points, body.triangles, "die", BLANK)])
 
 
 EXTENTS = (1.0, 1.2, 1.5)

@@ -96,7 +96,7 @@ ARGUMENTS = (
 
 def missing_browser() -> str | None:
     """Name of a missing requirement, or None."""
-    for package in ("viser", "playwright"):
+    for package in ("uvicorn", "playwright"):
         if find_spec(package) is None:
             return package
     return None if _browser_program() else BROWSERS[0]

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from dicedesign.fabricate.engraving import engrave, labels_below_hull
-from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Contents, Part
+from dicedesign.fabricate.file_formats import Contents, Part
 from dicedesign.fabricate.finish_options import EngravingOptions
 from dicedesign.fabricate.label_layout import place_labels
 from dicedesign.fabricate.label_reading import LabelPlace
 from dicedesign.geometry.meshes.manifold import mesh_of, solid
 from dicedesign.geometry.triangles import Surface
+from dicedesign.palette import BLANK, INK
 
 
 @dataclass
@@ -81,7 +82,7 @@ def contents(box, placements) -> Contents:
     body, options = box(14.0, 16.0, 20.0), EngravingOptions()
     marked = engrave(body.surface, placements, options)
     labels = labels_below_hull(marked, options.depth_mm)
-    part = Part(marked.points, marked.triangles, "die", BODY_COLOR, labels)
+    part = Part(marked.points, marked.triangles, "die", BLANK, labels)
     return Contents("box & co", [part], FACTS)
 
 
@@ -91,6 +92,6 @@ def inlaid(box) -> Contents:
     outer, pit = box(10.0, 10.0, 10.0), box(4.0, 4.0, 4.0)
     places = pit.vertices + np.array([0.0, 0.0, 3.0])
     whole = mesh_of(solid(outer.surface) - solid(Surface(places, pit.surface.triangles)))
-    body = Part(whole.points, whole.triangles, "die", BODY_COLOR)
-    inlay = Part(places, pit.surface.triangles, "inlay", LABEL_COLOR)
+    body = Part(whole.points, whole.triangles, "die", BLANK)
+    inlay = Part(places, pit.surface.triangles, "inlay", INK)
     return Contents("inlaid", [body, inlay], {})

@@ -15,14 +15,13 @@ from pygltflib import GLTF2
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.fabricate.file_formats import (
-    BODY_COLOR,
     FILE_FORMATS,
-    LABEL_COLOR,
     mesh_bytes,
     save_contents,
 )
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.triangles import Surface, solid_properties
+from dicedesign.palette import BLANK, INK
 
 THREE_MF = FILE_FORMATS["3mf"]
 
@@ -68,7 +67,7 @@ def test_a_3mf_has_names_units_facts_and_colors(contents, tmp_path: Path) -> Non
     (thing,), known, (part,) = objects(model), materials(model), contents.parts
     assert thing.GetName() == "die"
     assert thing.IsManifoldAndOriented()
-    assert sorted(known.values()) == [("die", BODY_COLOR), ("labels", LABEL_COLOR)]
+    assert sorted(known.values()) == [("die", BLANK), ("labels", INK)]
     vertices = np.array([vertex.Coordinates for vertex in thing.GetVertices()])
     triangles = np.array([list(each.Indices) for each in thing.GetTriangleIndices()])
     names = [
@@ -89,7 +88,7 @@ def test_parts_are_one_item_to_print(inlaid, tmp_path: Path) -> None:
     data = THREE_MF.write(inlaid)
     model = read(data, tmp_path / "inlaid.3mf")
     assert [thing.GetName() for thing in objects(model)] == ["die", "inlay"]
-    assert sorted(materials(model).values()) == [("die", BODY_COLOR), ("inlay", LABEL_COLOR)]
+    assert sorted(materials(model).values()) == [("die", BLANK), ("inlay", INK)]
     items = model.GetBuildItems()
     assert items.MoveNext()
     assert items.GetCurrent().GetObjectResource().GetName() == "inlaid"
@@ -120,7 +119,7 @@ def test_colors_and_facts_are_read(contents) -> None:
     labels = int(contents.parts[0].labels.sum())
     counts = [3 * (len(contents.parts[0].triangles) - labels), 3 * labels]
     assert [file.accessors[each.attributes.POSITION].count for each in primitives] == counts
-    for primitive, color in zip(primitives, (BODY_COLOR, LABEL_COLOR), strict=True):
+    for primitive, color in zip(primitives, (BLANK, INK), strict=True):
         # Viewers must show faces without normals flat.
         assert primitive.attributes.NORMAL is None
         material = file.materials[primitive.material].pbrMetallicRoughness

@@ -107,3 +107,17 @@ def test_uncovered_pixels_show_the_backdrop() -> None:
     picture = render(RenderMesh(square(0.0), HALVES), FRONT, 90, backdrop=backdrop)
     np.testing.assert_array_equal(picture[:, 5, 1], np.rint(255.0 * backdrop[:, 5]))
     assert (picture[45, 45] > picture[45, 5]).all()
+
+
+@pytest.mark.parametrize(("rise", "height", "is_outlined"), [(0.0, 0.004, False), (0.2, 0.2, True)])
+def test_slivers_between_parts_of_a_plane_have_no_outlines(
+    rise: float, height: float, is_outlined: bool
+) -> None:
+    """A ridge narrower than a sample, as where cuts leave slivers; and a true step."""
+    across = np.array([[-1.0, 0.0], [0.0, 0.0], [0.004, height], [0.008, rise], [1.0, rise]])
+    points = np.array([(x, y, z) for x, z in across for y in (-1.0, 1.0)])
+    strips = [(2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1) for k in range(4)]
+    triangles = np.array([t for a, b, c, d in strips for t in ((a, b, c), (a, c, d))])
+    picture = render(RenderMesh(points, triangles, smooth=False), FRONT, 120)
+    middle = picture[60, 30:90, 0].astype(int)
+    assert (middle.min() < 0.6 * np.median(middle)) == is_outlined

@@ -12,35 +12,46 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from common.finished import CONCAVE, finished_box, page_text
+from common.finished import CONCAVE, finished_box, finished_result, page_text
 from common.made_up_die import SIDES, box, run_to_check
 from common.parsed_html import Checker, parse_page
 from manifold3d import Manifold
 from pygltflib import GLTF2
-from scipy.spatial import KDTree
 
 from dicedesign.errors import InputError
 from dicedesign.fabricate.die import FinishedDie
-from dicedesign.fabricate.file_formats import BODY_COLOR, LABEL_COLOR, Part
+from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
-from dicedesign.palette import BASINS
+from dicedesign.palette import BLANK, outcome_colors, text_color
 from dicedesign.recipe.output import make_finished_die
 from dicedesign.recipe.pipeline import run_stages
 from dicedesign.report import pages
+from dicedesign.report.colored_die import color_parts, shown_rests
 from dicedesign.report.figures import FIGURES
-from dicedesign.report.pages import facet_parts, rests_of_triangles, three_script, throwing_advice
-from dicedesign.results.parts import Draft, Search, SimulatedThrows, TableResult, TradeOff
+from dicedesign.report.pages import three_script, throwing_advice
+from dicedesign.report.raster import encode_png
+from dicedesign.results.parts import (
+    READINGS,
+    Draft,
+    Search,
+    SimulatedThrows,
+    TableResult,
+    ThrowForecast,
+    TradeOff,
+)
 from dicedesign.results.print_parts import PrintedLabel
-from dicedesign.results.result import Designed
+from dicedesign.results.result import Designed, Engraved
+from dicedesign.results.verdict import judge
 from dicedesign.throws.tables import load_table
 
-PNG = b"\x89PNG"
+PNG = encode_png(np.full((4, 6, 3), 255, dtype=np.uint8))
 RESHAPED = {
     "concave": CONCAVE,
     "design": Designed(0.1),
     "rest_counts": (3, 1, 1, 1, 1, 17),
     "notes": ("7 vertices were welded",),
 }
+SIXTH = (1.0 / 6.0,) * 6
 THROWS = SimulatedThrows(
     "native",
     1,
@@ -139,7 +150,8 @@ def test_a_page_has_the_figures_that_were_drawn() -> None:
         assert FIGURES[name].caption not in text
     page = page_of({"bars": PNG, "table": PNG, "throw": b"GIF89a"}, thrown=THROWN)
     assert [source[:15] for source in page.sources].count("data:image/gif;") == 1
-    assert len(page.sources) == 2
+    # The third shows the die.
+    assert len(page.sources) == 3
 
 
 @pytest.mark.parametrize("changes", [{}, RESHAPED, {"thrown": THROWN}])
@@ -238,68 +250,107 @@ def with_pocket(side: int, axis: int) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(mesh.vert_properties, dtype=float)[:, :3], np.asarray(mesh.tri_verts)
 
 
-def engrave_mesh(points: np.ndarray, triangles: np.ndarray) -> FinishedDie:
-    die = finished_box()
-    assert die.engraved is not None
-    return replace(die, engraved=replace(die.engraved, points=points, triangles=triangles))
+def is_label(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(t,) whether a triangle is in the pocket of `with_pocket`."""
+    return (np.abs(points[triangles].mean(axis=1)) < EXTENTS / 2.0 - 1e-6).all(axis=1)
 
 
+@pytest.mark.parametrize("reading", ["down", "up"])
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("side", [-1, 1])
-def test_an_engraving_belongs_to_the_facet_around_it(axis: int, side: int) -> None:
+def test_an_engraved_facet_shows_the_outcome_that_is_read_on_it(
+    axis: int, side: int, reading: str
+) -> None:
+    """Of the rest on it, or of the rest on the opposite facet for a die that is read on top."""
     points, triangles = with_pocket(side, axis)
-    die = engrave_mesh(points, triangles)
-    rests = rests_of_triangles(Surface(points, triangles), die)
-    normals = die.plain.poses.normals[rests]
-    inside = (np.abs(points[triangles].mean(axis=1)) < EXTENTS / 2.0 - 1e-6).all(axis=1)
-    assert inside.sum() >= 10
-    assert (normals[inside] == side * np.eye(3)[axis]).all()
-    outward = doubled_area_vectors(points, triangles)[~inside]
+    result = finished_box(engraved=Engraved(reading=READINGS[reading])).result
+    labels, sign = is_label(points, triangles), {"down": 1, "up": -1}[reading]
+    assert labels.sum() >= 10
+    shown = shown_rests(Surface(points, triangles), labels, result, points)
+    normals = sign * np.array([facet.normal for facet in result.facets])[shown]
+    assert (normals[labels] == side * np.eye(3)[axis]).all()
+    outward = doubled_area_vectors(points, triangles)[~labels]
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    np.testing.assert_allclose(normals[~inside], outward, atol=1e-6)
+    np.testing.assert_allclose(normals[~labels], outward, atol=1e-6)
 
 
-def test_parts_hold_each_triangle_once_in_the_color_of_its_basin() -> None:
+def test_parts_hold_each_triangle_once_in_the_color_of_its_outcome() -> None:
     """An inlay belongs to the facet that it fills."""
     points, triangles = with_pocket(1, 2)
-    die = engrave_mesh(points, triangles)
-    labels = (np.abs(points[triangles].mean(axis=1)) < EXTENTS / 2.0 - 1e-6).all(axis=1)
+    result = finished_box().result
+    labels = is_label(points, triangles)
     corners = np.array([[2.0, 2.0, 9.5], [-2.0, 2.0, 9.5], [0.0, -2.0, 9.5]])
     inlay = Part(corners, np.array([[0, 1, 2]]), "labels", "#222222")
-    *parts, filled = facet_parts([Part(points, triangles, "die", "#123456", labels), inlay], die)
-    assert [part.name for part in parts] == [f"facet-{k}" for k in range(6)]
-    assert [part.color for part in parts] == list(BASINS[:6])
-    whole = np.concatenate([part.triangles for part in parts])
-    assert sorted(map(tuple, whole)) == sorted(map(tuple, triangles))
-    (marked,) = (part for part in parts if part.labels is not None and part.labels.any())
-    assert marked.groups()[1][:2] == ("labels", LABEL_COLOR)
-    assert len(marked.groups()[1][2]) == labels.sum()
-    assert filled.name == f"labels-{np.argmax(die.plain.poses.normals[:, 2])}"
-    assert (filled.color, len(filled.triangles)) == ("#222222", len(inlay.triangles))
+    parts = color_parts([Part(points, triangles, "die", "#123456", labels), inlay], result)
+    middles = np.concatenate([part.points[part.triangles].mean(axis=1) for part in parts])
+    expected = np.concatenate([points[triangles].mean(axis=1), corners.mean(axis=0)[None]])
+    np.testing.assert_allclose(middles[np.lexsort(middles.T)], expected[np.lexsort(expected.T)])
+    colors = dict(zip(result.labels, outcome_colors(6), strict=True))
+    for part in parts:
+        kind, _, rest = part.name.partition("-")
+        color = colors[str(result.facets[int(rest)].outcome)]
+        assert part.color == (text_color(color) if kind == "labels" else color)
+    up = [facet.normal[2] > 0.5 for facet in result.facets].index(True)
+    marked = [part for part in parts if part.name == f"labels-{up}"]
+    assert [len(part.triangles) for part in marked] == [labels.sum(), 1]
+
+
+def test_around_the_corner_on_top_all_is_in_one_color() -> None:
+    """Each outcome of a tetrahedron has a third of each of three faces."""
+    corners = np.array([(1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0)])
+    faces = np.array([(1, 3, 2), (0, 2, 3), (0, 3, 1), (0, 1, 2)])
+    facets = [(str(k), tuple(-corners[k] / np.sqrt(3.0))) for k in range(4)]
+    result = finished_result([str(k) for k in range(4)], [0.25] * 4, facets)
+    result = replace(result, engraved=Engraved(reading=READINGS["corner"]))
+    parts = color_parts([Part(corners, faces, "die", BLANK)], result)
+    assert sorted(part.name for part in parts) == [f"facet-{k}" for k in range(4)]
+    for part in parts:
+        area = areas(part.points[part.triangles]).sum()
+        nearest = np.argmax(part.points[part.triangles].mean(axis=1) @ corners.T, axis=1)
+        assert (nearest == int(part.name[-1])).all()
+        assert area == pytest.approx(np.sqrt(3.0) / 4.0 * 8.0)
 
 
 def test_only_parts_of_a_shape_that_touch_the_table_belong_to_a_rest() -> None:
     """The box with a deep dent in place of one side rests there too, on its rim."""
-    plain = finished_box().plain
-    corners = np.asarray(plain.poses.hull.vertices)
-    sides = plain.poses.hull.triangles.tolist()
+    die = finished_box(concave=CONCAVE)
+    corners = np.asarray(die.plain.poses.hull.vertices)
+    sides = die.plain.poses.hull.triangles.tolist()
     top = [side for side in sides if (corners[side, 2] > 9.0).all()]
     rim = [7, 8] * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     points = np.concatenate([corners, [[0.0, 0.0, 2.0]], np.column_stack([rim, [10.0] * 4])])
     fan = [(9 + k, 9 + (k + 1) % 4, 8) for k in range(4)]
     triangles = np.array([side for side in sides if side not in top] + fan)
-    shape: Any = object()
-    die = replace(engrave_mesh(points, triangles), reshaped=shape)
-    rests = rests_of_triangles(Surface(points, triangles), die)
-    assert (rests[-4:] == -1).all()
-    assert len(set(rests[:-4].tolist())) == 5
-    colors = {
-        part.name: part.color for part in facet_parts([Part(points, triangles, "a", "")], die)
-    }
-    assert colors.pop("body") == BODY_COLOR
-    outcomes = plain.outcomes.outcome_of_rest.tolist()
-    for name, color in colors.items():
-        assert color == BASINS[outcomes[int(name.removeprefix("facet-"))]]
+    labels = np.zeros(len(triangles), bool)
+    shown = shown_rests(Surface(points, triangles), labels, die.result, points)
+    assert (shown[-4:] == -1).all()
+    assert len(set(shown[:-4].tolist())) == 5
+    parts = color_parts([Part(points, triangles, "a", "")], die.result)
+    assert [part.color for part in parts if part.name == "body"] == [BLANK]
+
+
+@pytest.mark.parametrize(
+    ("changes", "marks"),
+    [
+        ({"status": "converged", "max_abs_error": 1e-9}, ("good", "caution")),
+        ({"max_abs_error": 0.1}, ("not yet", "caution")),
+        ({"status": "unsteady", "max_abs_error": 1e-9}, ("caution", "caution")),
+        ({"status": "converged", "thrown": THROWN}, ("caution", "good")),
+        ({"status": "off_table", "thrown": THROWN, "max_abs_error": 0.0}, ("good", "not yet")),
+        ({"status": "converged", "forecast": (0.005, SIXTH)}, ("good", "good")),
+        ({"status": "converged", "forecast": (0.3, (0.4, *SIXTH[1:]))}, ("good", "caution")),
+    ],
+)
+def test_a_die_has_a_verdict_for_each_way_to_roll_it(
+    changes: dict[str, Any], marks: tuple[str, str]
+) -> None:
+    result = finished_box().result
+    known: dict[str, Any] = {"max_abs_error": 0.1 if "thrown" in changes else 0.0, **changes}
+    if "forecast" in known:
+        off, probabilities = known["forecast"]
+        known["forecast"] = ThrowForecast("board-game", probabilities, off, off)
+    set_down, thrown = judge(replace(result, **known))
+    assert (set_down.mark.value, thrown.mark.value) == marks
 
 
 def test_a_trimesh_without_its_viewer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -323,43 +374,46 @@ def gltf_triangles(data: bytes, node: int) -> np.ndarray:
     return 1e3 * np.concatenate(corners)[..., [0, 2, 1]] * [1.0, -1.0, 1.0]
 
 
+def areas(corners: np.ndarray) -> np.ndarray:
+    """Areas (t,) of triangles with corners (t, 3, 3)."""
+    sides = corners[:, 1:] - corners[:, :1]
+    return 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+
+
 def test_table_map_and_solid_have_the_same_facets(fair_d3: Path) -> None:
-    """The solid is the one of die.stl, and most of a facet is where the die touches the table."""
+    """The solid is the one of die.stl; what shows an outcome is on top when the die rests so."""
     page = parse_page((fair_d3 / "report.html").read_text("utf-8"))
     assert b"MIT" in page.unpack("three")[:200]
     data = page.unpack("solid")
     nodes = {node.name: k for k, node in enumerate(GLTF2.load_from_bytes(data).nodes)}
     corners = {name: gltf_triangles(data, node) for name, node in nodes.items()}
     whole = np.concatenate(list(corners.values()))
-    wanted = np.asarray(trimesh.load(fair_d3 / "die.stl", process=False).triangles)
-    _, match = KDTree(wanted.mean(axis=1)).query(whole.mean(axis=1))
-    assert sorted(match.tolist()) == list(range(len(wanted)))
-    rolls = np.stack([np.roll(whole, k, axis=1) for k in range(3)])
-    assert np.abs(rolls - wanted[match]).max(axis=(2, 3)).min(axis=0).max() < 1e-5
+    volume = (whole[:, 0] * np.cross(whole[:, 1], whole[:, 2])).sum() / 6.0
+    solid = trimesh.load(fair_d3 / "die.stl")
+    assert volume == pytest.approx(solid.volume, rel=1e-6)
+    assert areas(whole).sum() == pytest.approx(solid.area, rel=1e-6)
 
     facets = json.loads((fair_d3 / "result.json").read_text())["facets"]
     numbers = [str(k) for k in range(len(facets))]
     assert sorted(page.facets("tr")) == numbers
     assert page.facets("path") == 2 * numbers
-    assert set(nodes) - {"body"} == {f"facet-{k}" for k in numbers}
+    assert set(nodes) == {"body"} | {f"{part}-{k}" for k in numbers for part in ("facet", "labels")}
     rows = {a["data-facet"]: a for a in page.tagged("tr") if "data-facet" in a}
     for number, facet in zip(numbers, facets, strict=True):
         row, normal = rows[number], np.array(facet["normal"])
         np.testing.assert_allclose(np.array(row["data-down"].split(), float), normal, atol=1e-5)
-        own = corners[f"facet-{number}"]
-        turned = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
-        flush = (turned @ normal > 0.999 * np.linalg.norm(turned, axis=1)) & (
-            (own @ normal).min(axis=1) > float(row["data-height"]) - 1e-2
-        )
-        area = 0.5 * np.linalg.norm(turned[flush], axis=1).sum()
-        assert 0.7 * facet["polygon_area_mm2"] < area <= 1.001 * facet["polygon_area_mm2"]
+        np.testing.assert_allclose(np.array(row["data-side"].split(), float), -normal, atol=1e-5)
+        own, heights = corners[f"facet-{number}"], float(row["data-height"]) - whole @ normal
+        assert 0.7 * facet["polygon_area_mm2"] < areas(own).sum() <= facet["polygon_area_mm2"]
+        for part in (own, corners[f"labels-{number}"]):
+            assert (float(row["data-height"]) - part @ normal).min() > 0.4 * heights.max()
 
 
 def test_a_large_solid_is_left_out_and_table_and_map_are_linked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(pages, "MAX_TRIANGLES", 10)
-    page = parse_page(page_text(finished_box(), {"gauss_map": b"\x89PNG"}))
+    page = parse_page(page_text(finished_box(), {"gauss_map": PNG}))
     assert page.tagged("canvas") == []
     numbers = [str(k) for k in range(6)]
     assert sorted(page.facets("tr")) == numbers

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 from common.inline_executor import Inline, Late, Lossy
 
-from dicedesign.cli.commands import WithWorkers
 from dicedesign.cli.options import workers_of
+from dicedesign.cli.shared_options import WithWorkers
 from dicedesign.errors import DiceError
 from dicedesign.runtime import workers
 from dicedesign.runtime.workers import (

@@ -79,7 +79,7 @@ def test_the_page_shows_the_dice_and_their_folders(swept: Path) -> None:
     text = (swept / "index.html").read_text()
     page = parse_page(text)
     assert len(page.sources) == 4
-    assert all(source.startswith("data:image/png;base64,") for source in page.sources)
+    assert all(source.startswith("data:image/webp;base64,") for source in page.sources)
     assert not re.search(r"https?:|<(?:script|link|iframe)", text)
     assert "4 of 4 dice converged" in page.text
     places = [text.index(f'<a href="{row["folder"]}/"') for row in rows_of(swept)]

@@ -8,28 +8,31 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from common.browser import OpenedPage
-
-from dicedesign.view.application import View
+from common.die_page import DiePage
+from common.served import served_page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-Open = Callable[..., OpenedPage]
+Open = Callable[..., DiePage]
 
 
 @pytest.fixture
 def open_page(browser: Browser) -> Iterator[Open]:
-    """Opens a path, or None, as `dicedesign view` does, in a new window."""
+    """Opens a path, or None, as `dicedesign view` does, in a window of a size."""
     with ExitStack() as ends:
 
-        def open_path(path: Path | None = None, kind: type[OpenedPage] = OpenedPage) -> OpenedPage:
-            view = View(path)
-            ends.callback(view.close)
+        def open_path(
+            path: Path | None = None, size: tuple[int, int] = (1280, 800), dark: bool = False
+        ) -> DiePage:
+            served = ends.enter_context(served_page(path))
             context = browser.new_context(
-                viewport={"width": 960, "height": 640}, accept_downloads=True
+                viewport={"width": size[0], "height": size[1]},
+                color_scheme="dark" if dark else "light",
+                reduced_motion="reduce",
+                accept_downloads=True,
             )
             ends.callback(context.close)
-            return kind.open(view, context.new_page())
+            return DiePage.open(served, context)
 
         yield open_path

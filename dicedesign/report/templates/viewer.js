@@ -1,11 +1,9 @@
 // Link the 3D view of a die, the table of its facets and its Gauss map: the facet under the pointer
-// in one is shown in all. Without WebGL the table and the map are linked; without scripts the page
-// looks as in print.
+// in one is shown in all. Without WebGL the table and the map are linked, beside a picture of the die.
 "use strict";
 (() => {
-  const ACCENT = [0.539, 0.095, 0.0103]; // #c2571a in linear light
-  const LIFT = 0.35; // elevation of the camera above a table, in radians
-  const LEAN = [0.22, -0.3]; // turn of a shown facet about the axes to the right and upward, in radians
+  const BLANK = [0.686, 0.651, 0.578]; // #d8d3c8 in linear light
+  const FADED = 0.85; // share of it in the color of what is not shown
   const TURN_MS = 350;
   const KEY_TURN = 0.15; // radians
   const FIELD = 30; // degrees
@@ -40,7 +38,7 @@
   }
 
   function scrollTo(row) {
-    const box = row.closest(".scroll");
+    const box = row.closest(".facets");
     const head = row.closest("table").tHead.offsetHeight;
     const top = row.offsetTop - head;
     if (top < box.scrollTop) box.scrollTop = top;
@@ -62,7 +60,7 @@
 
   async function start() {
     const canvas = view.querySelector("canvas");
-    const context = canvas.getContext("webgl2", { antialias: true });
+    const context = canvas.getContext("webgl2", { alpha: true, antialias: true });
     if (!context || typeof DecompressionStream === "undefined") return;
     const library = document.createElement("script");
     library.textContent = await unpacked("three").text();
@@ -70,21 +68,21 @@
     const data = await unpacked("solid").arrayBuffer();
     const file = await new Promise((done, failed) => new THREE.GLTFLoader().parse(data, "", done, failed));
     die = new Die(canvas, context, file.scene);
-    view.hidden = false;
+    view.classList.add("live");
   }
 
   class Die {
     constructor(canvas, context, solid) {
       this.canvas = canvas;
-      this.renderer = new THREE.WebGLRenderer({ canvas, context, antialias: true });
+      this.renderer = new THREE.WebGLRenderer({ canvas, context, antialias: true, alpha: true });
       if (!("outputColorSpace" in this.renderer)) this.renderer.outputEncoding = THREE.sRGBEncoding;
-      this.renderer.setClearColor(0xffffff);
+      this.renderer.setClearColor(0, 0);
       this.scene = new THREE.Scene();
       this.camera = new THREE.PerspectiveCamera(FIELD, 1);
       const light = new THREE.DirectionalLight(0xffffff, 0.65);
       light.position.set(-0.5, 0.8, 1);
       this.scene.add(light, new THREE.AmbientLight(0xffffff, 0.55));
-      this.stands = "stands" in view.dataset;
+      const stands = "stands" in view.dataset;
       this.body = new THREE.Group();
       this.body.add(solid);
       this.scene.add(this.body);
@@ -95,19 +93,18 @@
         node.traverse((mesh) => {
           if (!mesh.isMesh) return;
           mesh.material = mesh.material.clone();
-          const isLabel = mesh.material.name.startsWith("labels");
-          const facet = named ? named[1] : null;
-          this.meshes.push({ mesh, facet, isLabel, color: mesh.material.color.clone() });
-          mesh.userData.facet = facet;
+          mesh.userData.facet = named ? named[1] : null;
+          const color = mesh.material.color.clone();
+          const faded = new THREE.Color().setRGB(...BLANK).lerp(color, 1 - FADED);
+          this.meshes.push({ mesh, color, faded });
         });
       }
       this.radius = this.reach(solid.position);
       this.camera.near = 0.05 * this.radius;
       this.camera.far = 100 * this.radius;
       this.nearness = 1;
-      if (this.stands) this.addTable();
-      const tilt = new THREE.Euler(0.4, -0.6, 0);
-      this.body.quaternion.setFromEuler(tilt);
+      if (stands) this.addTable();
+      this.body.quaternion.copy(this.reading(rows.get(view.dataset.start)));
       this.caster = new THREE.Raycaster();
       this.listen();
       new ResizeObserver(() => this.resize()).observe(canvas);
@@ -136,10 +133,8 @@
     }
 
     show(facet, turns) {
-      for (const { mesh, facet: own, isLabel, color } of this.meshes) {
-        if (isLabel) continue;
-        if (own !== null && own === facet) mesh.material.color.setRGB(...ACCENT);
-        else mesh.material.color.copy(color);
+      for (const { mesh, color, faded } of this.meshes) {
+        mesh.material.color.copy(facet === null || mesh.userData.facet === facet ? color : faded);
       }
       const row = rows.get(facet);
       this.describe(row);
@@ -150,7 +145,7 @@
           this.table.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), down);
           this.table.position.copy(down).multiplyScalar(0.001 * Number(row.dataset.height));
         }
-        if (turns) this.turnTo(this.stands ? this.standing(down) : this.facing(down, row.dataset.up));
+        if (turns) this.turnTo(this.reading(row));
         else scrollTo(row);
       }
       view.dataset.shown = row ? facet : "";
@@ -163,24 +158,13 @@
       view.querySelector("output").textContent = texts.slice(0, 3).join(", ");
     }
 
-    // Orientation in which a direction of the body points nearly to the viewer, and another upward.
-    facing(outward, up) {
-      const lean = new THREE.Quaternion().setFromEuler(new THREE.Euler(LEAN[0], LEAN[1], 0));
-      if (!up) return lean.multiply(this.bring(outward, new THREE.Vector3(0, 0, 1)));
-      const frame = new THREE.Matrix4().lookAt(outward, new THREE.Vector3(), vector(up));
-      return lean.multiply(new THREE.Quaternion().setFromRotationMatrix(frame).conjugate());
-    }
-
-    // Orientation in which the body stands on its rest, seen slightly from above.
-    standing(down) {
-      return this.bring(down, new THREE.Vector3(0, -Math.cos(LIFT), -Math.sin(LIFT)));
-    }
-
-    // Orientation after the smallest turn that brings a direction of the body to one of the view.
-    bring(direction, place) {
-      const now = this.body.quaternion;
-      const current = direction.clone().applyQuaternion(now);
-      return new THREE.Quaternion().setFromUnitVectors(current, place).multiply(now);
+    // Orientation in which the outcome of a row is read, as in the picture.
+    reading(row) {
+      const [side, level] = [vector(row.dataset.side), vector(row.dataset.level)];
+      const frame = new THREE.Matrix4().makeBasis(side.clone().cross(level), side, level);
+      const above = (Math.PI / 180) * Number(view.dataset.above);
+      const lift = new THREE.Quaternion().setFromEuler(new THREE.Euler(above, 0, 0));
+      return lift.multiply(new THREE.Quaternion().setFromRotationMatrix(frame).conjugate());
     }
 
     turnTo(goal) {
@@ -252,7 +236,7 @@
         event.preventDefault();
       });
       canvas.addEventListener("webglcontextlost", () => {
-        view.hidden = true;
+        view.classList.remove("live");
         die = null;
       });
     }
@@ -274,5 +258,5 @@
     }
   }
 
-  if (view) start();
+  if (view.querySelector("canvas")) start();
 })();
