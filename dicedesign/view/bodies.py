@@ -214,7 +214,8 @@ def _map_svg(viewed: ViewedBody) -> str:
         for row, normal, probability in zip(rows, poses.normals, poses.probabilities, strict=True):
             if probability < MIN_LABEL_PROBABILITY or disc.heights(normal) <= 0.0:
                 continue
-            px, py = disc.to_paper(disc.project(normal)) + [0.0, 0.36 * MAP_LABEL_SIZE]
+            px, py = disc.to_paper(disc.project(normal))
+            py += 0.36 * MAP_LABEL_SIZE
             parts.append(
                 f'<text x="{px:.1f}" y="{py:.1f}" font-size="{MAP_LABEL_SIZE}" '
                 f'font-weight="700" text-anchor="middle" fill="{text_color(colors[row])}">'
