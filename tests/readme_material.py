@@ -12,10 +12,14 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 from common.programs import headless_browser
 from PIL import Image
 
 from dicedesign.cli.main import main
+from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.report.raster import UP, Camera, frame_cameras
+from dicedesign.report.renderer import RenderMesh, render
 from dicedesign.view.application import View
 
 DESIGNED = (
@@ -24,18 +28,14 @@ DESIGNED = (
 )
 """Targets of the dice in the first picture."""
 
-TITLE = 66
-"""Pixels above each view that hold its title."""
 
-
-def view(folder: Path, column: int, line: int, size: int) -> Image.Image:
-    """One picture out of the grid of a die's views."""
-    sheet = Image.open(folder / "views.png").convert("RGB")
-    width, height = sheet.width // 4, sheet.height // 2
-    side = height - TITLE
-    left = column * width + (width - side) // 2
-    top = line * height + TITLE
-    return sheet.crop((left, top, left + side, top + side)).resize((size, size))
+def view(folder: Path, size: int) -> Image.Image:
+    """Die from one of its corners."""
+    body = read_body(folder / "die.stl")
+    assert body.triangles is not None
+    (camera,) = frame_cameras([Camera(np.ones(3), UP)], [body.points])
+    surface = RenderMesh(body.points, body.triangles, smooth=False)
+    return Image.fromarray(render(surface, camera, size))
 
 
 def designed(target: Path) -> None:
@@ -58,7 +58,7 @@ def strip(folders: list[Path]) -> Image.Image:
     picture = Image.new("RGB", (size * columns, size * -(-len(folders) // columns)), "white")
     for i, folder in enumerate(folders):
         place = size * (i % columns), size * (i // columns)
-        picture.paste(view(folder, 3, 0, size), place)
+        picture.paste(view(folder, size), place)
     return picture
 
 

@@ -7,8 +7,10 @@ relative, angles in degrees.
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 from dataclasses import dataclass, field
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -389,6 +391,20 @@ class Result:
                 "designed; write it with its report(folder)"
             )
         return (self.folder or Path()) / self.files["die_plain"]
+
+    def history_csv(self) -> str:
+        """CSV of the history: a row for each accepted step, with columns step, seconds, stage,
+        attempt, energy and max_abs_error, and one for each term of the energy. What is unknown is
+        empty; numbers are exact."""
+        names = dict.fromkeys(name for step in self.history for name in step.terms)
+        columns = ("step", "seconds", "stage", "attempt", "energy", "max_abs_error")
+        text = StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow([*columns, *names])
+        for step in self.history:
+            terms = (step.terms.get(name) for name in names)
+            writer.writerow([*(getattr(step, name) for name in columns), *terms])
+        return text.getvalue()
 
     def without_clock(self) -> Result:
         """Copy without run times, so that equal runs compare equal."""
