@@ -338,7 +338,7 @@ def labels_below_hull(marked: Surface, depth: float) -> Booleans:
     # Most triangles of rounded edges are on the hull, as their corners are.
     corners = set(map(tuple, hull.vertices.tolist()))
     is_corner = np.array([tuple(point) in corners for point in marked.points.tolist()])
-    is_below = ~is_corner[marked.triangles].all(axis=1)
+    is_below: Booleans = np.logical_not(is_corner[marked.triangles].all(axis=1))
     # Few facets are large, and rule most of the others out.
     normals = hull.normals[np.argsort(-hull.areas)[:LARGE_FACETS]]
     near = (hull.vertices @ normals.T).max(axis=0) - middles[is_below] @ normals.T
