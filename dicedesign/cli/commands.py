@@ -50,7 +50,7 @@ class DesignArguments(WithItem, WithResults):
         weights such as 1:2:3; or a recipe's, such as 'binomial: 4'
     target (TEXT): same as TARGET
     labels (a,b,...): of the probabilities; equal ones are one outcome (default: 1,2,...)
-    icons (a=SVG,...): pictures in place of labels, such as 6=skull.svg
+    icons (a=SVG,...): pictures in place of labels, such as 6=skull.svg or 1=heart
     pips: dots in place of numbers
     font (NAME): installed font of the labels, or a .ttf or .otf file
     edges (X|chamfer): round them with a radius of X mm, or cut them flat
