@@ -1,7 +1,8 @@
 """Design solid objects by the probabilities with which they come to rest.
 
 `__init__.pyi` lists the public names. Each is imported on first use, so that a query of a mesh
-never loads torch. Names for special uses are in `energies`, `methods`, `starts` and `extensions`.
+never loads torch. Names for special uses are in `energies`, `methods`, `starts`,
+`figures` and `extensions`.
 """
 
 from typing import Any

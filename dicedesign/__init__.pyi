@@ -2,6 +2,7 @@
 
 from . import energies as energies
 from . import extensions as extensions
+from . import figures as figures
 from . import methods as methods
 from . import starts as starts
 from .balance.balanced import balance_body as balance_body

@@ -19,9 +19,9 @@ from dicedesign.optimize.terms import TermOption as TermOption
 from dicedesign.recipe.pipeline import STAGES as STAGES
 from dicedesign.recipe.pipeline import Stage as Stage
 from dicedesign.recipe.pipeline import Work as Work
-from dicedesign.report.figures import BODY_FIGURES as BODY_FIGURES
+from dicedesign.report.body_figures import BODY_FIGURES as BODY_FIGURES
+from dicedesign.report.body_figures import BodyFigure as BodyFigure
 from dicedesign.report.figures import FIGURES as FIGURES
-from dicedesign.report.figures import BodyFigure as BodyFigure
 from dicedesign.report.figures import Figure as Figure
 from dicedesign.rest.prior import PRIORS as PRIORS
 from dicedesign.rest.prior import PriorKind as PriorKind

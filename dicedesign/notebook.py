@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dicedesign.palette import BASINS, PALE, repeat, rgb
+from dicedesign.palette import BLANK, outcome_colors, rgb
 from dicedesign.runtime.arrays import Floats, Integers
 
 HEIGHT_PX = 320
@@ -44,11 +44,11 @@ def solid_and_table(
     row_of_facet: k rows of the table; any other number for facets without one.
     title, heads, rows: texts of the table.
     """
-    colors = repeat(BASINS, len(rows))
+    colors = outcome_colors(len(rows))
     view = (
         ""
         if solid is None
-        else _view(solid, normals, [dict(enumerate(colors)).get(k, PALE) for k in row_of_facet])
+        else _view(solid, normals, [dict(enumerate(colors)).get(k, BLANK) for k in row_of_facet])
     )
     lines = [
         f'<tr><td style="border-left: 1em solid {color}">'
@@ -79,7 +79,7 @@ def _view(solid: Solid, normals: Floats, colors: Sequence[str]) -> str:
     facets = np.where(far, len(normals), depths.argmin(axis=1))
     scene = trimesh.Scene()
     for facet in np.unique(facets):
-        color = [*(rgb([[*colors, PALE][facet]])[0] / LAMP), 1.0]
+        color = [*(rgb([[*colors, BLANK][facet]])[0] / LAMP), 1.0]
         material = PBRMaterial(baseColorFactor=color, metallicFactor=0.0, roughnessFactor=1.0)
         part = trimesh.Trimesh(points, triangles[facets == facet], process=False)
         part.visual = TextureVisuals(material=material)

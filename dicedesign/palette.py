@@ -23,44 +23,6 @@ FAINT = "#7b8794"
 GRID = "#dee1e4"
 """Lines of a grid."""
 
-DISTINCT = (
-    "#d55e00",
-    "#0072b2",
-    "#009e73",
-    "#cc79a7",
-    "#000000",
-    "#e69f00",
-    "#56b4e9",
-    "#8c8c8c",
-)
-"""Line colors that color-blind people can distinguish. Source: M. Okabe and K. Ito, Color Universal
-Design (2008); gray replaces yellow, which is hard to see on white."""
-
-BASINS = (
-    "#7fb2de",
-    "#f5b26b",
-    "#86cf94",
-    "#e58a8a",
-    "#b9a0dc",
-    "#f2dd6e",
-    "#6fcfcb",
-    "#eaa3cf",
-    "#b5b08a",
-    "#a9c94c",
-    "#c79a74",
-    "#c3ccd6",
-    "#4f8fc0",
-    "#d98324",
-    "#4fa865",
-    "#c25b5b",
-    "#8b6fc0",
-    "#c9ad1f",
-    "#33a09b",
-    "#c46aa3",
-)
-"""Colors of basins, the most probable basin first; they repeat after twenty."""
-
-
 FEW_OUTCOMES = ("#3B86DB", "#F3AE3D", "#B8497F", "#5CCBA8", "#8A5A2B")
 """Colors of up to five outcomes, far apart for each kind of color blindness."""
 
@@ -119,11 +81,6 @@ def luminance(color: str) -> float:
     channels = rgb([color])[0]
     linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
     return float(linear @ [0.2126, 0.7152, 0.0722])
-
-
-def repeat(colors: Sequence[str], count: int) -> list[str]:
-    """Cycle through colors, `count` in all."""
-    return [colors[k % len(colors)] for k in range(count)]
 
 
 def rgb(colors: Sequence[str]) -> Floats:

@@ -32,6 +32,7 @@ FLOORS = (
     "energies",
     "methods",
     "starts",
+    "figures",
     "extensions",
     "__init__",
     "__main__",
@@ -116,7 +117,7 @@ def test_torch_begins_at_its_floor(repository: Path) -> None:
 def test_nothing_loose_at_the_top(repository: Path) -> None:
     loose = {path.name for path in (repository / "dicedesign").glob("*.py")}
     low, public = ("errors", "tolerances", "palette", "notebook"), ("compat", "energies", "methods")
-    names = ("__init__", "__main__", *low, *public, "starts", "extensions")
+    names = ("__init__", "__main__", *low, *public, "starts", "figures", "extensions")
     assert loose == {f"{name}.py" for name in names}
 
 

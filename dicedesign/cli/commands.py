@@ -50,7 +50,7 @@ class DesignArguments(WithItem, WithResults):
         weights such as 1:2:3; or a recipe's, such as 'binomial: 4'
     target (TEXT): same as TARGET
     labels (a,b,...): of the probabilities; equal ones are one outcome (default: 1,2,...)
-    icons (a=SVG,...): pictures in place of labels, such as 6=skull.svg
+    icons (a=SVG,...): pictures in place of labels, such as 6=skull.svg or 1=heart
     pips: dots in place of numbers
     font (NAME): installed font of the labels, or a .ttf or .otf file
     edges (X|chamfer): round them with a radius of X mm, or cut them flat
@@ -153,7 +153,7 @@ class RestArguments(WithBody, WithWorkers):
         paper, carpet or a table file; a throw distribution follows a colon: board-game:cup
     prior (PRIOR): of a mesh: distribution of the direction down at release (default: uniform):
         vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:DEGREES or samples:FILE.csv
-    figure (FILE.png): draw the Morse-Smale complex
+    figure (FILE): draw the Morse-Smale complex, as .pdf, .svg or .png
     out (TABLE): table to write or resume, .csv, .json or .parquet (needs the extra 'parquet')
     jobs (J): of a table: parallel processes (default: one per core)
 
@@ -235,7 +235,7 @@ class ScatterArguments(WithJson):
     seed (S): random seed (default: 0)
     floor (W,D): width and depth of the floor in the meshes' unit (default: as large as needed)
     size (L): scale each mesh to this length of its longest side (default: no scaling)
-    figure (FILE.png): draw the scene
+    figure (FILE): draw the scene, as .pdf, .svg or .png
     json: print file, pose and transform of each body as JSON
 
     Example: dicedesign scatter meshes --out scene.glb --count 50"""
@@ -257,19 +257,21 @@ class FigureArguments(WithRests):
     Options:
     kind (KIND): one of the kinds above
     subject (INPUT): a mesh file, a folder written by `dicedesign run`, or a recipe to design
-    out (FILE.png): picture to write (default: INPUT_KIND.png in this folder)
+    out (FILE): .pdf, .svg or .png; for history also .csv (default: INPUT_KIND.png in this folder)
+    width (W): width in inches (default: 3.3, one column of a paper)
     down (x,y,z): for paths and drop: direction in the body's frame that points down at release
     before (MESH): for before_after: the mesh from which the body was made
 
-    Example: dicedesign figure complex bunny.obj --out complex.png"""
+    Example: dicedesign figure complex bunny.obj --out complex.pdf"""
 
     kind: str
     subject: Path
     _: KW_ONLY
     out: Path | None = None
+    width: float | None = None
     down: str | None = None
     before: Path | None = None
-    extensions = "dicedesign.report.figures:BODY_FIGURES"
+    extensions = "dicedesign.report.body_figures:BODY_FIGURES"
 
 
 @dataclass
@@ -385,7 +387,7 @@ class RollsArguments(WithItem, WithJson, WithPage):
     counts (COUNTS.csv): columns label,count; or one column label with a throw on each line
     log (ROLLS.csv): file for typed or tapped throws; an existing one is continued
     confidence (C): level of the intervals; the test's level is 1 - C (default: 0.95)
-    figure (FILE.png): draw the frequencies next to the probabilities
+    figure (FILE): draw frequencies next to probabilities, as .pdf, .svg or .png
     page: tap what comes up on a page in the browser; needs the extra 'view'
     phone: open the page to devices in the local network, at a secret address
 

@@ -19,6 +19,7 @@ from dicedesign.cli.commands import (
     ScatterArguments,
 )
 from dicedesign.cli.options import (
+    FIGURE_ENDINGS,
     center_of_mass,
     direction,
     numbers,
@@ -27,6 +28,7 @@ from dicedesign.cli.options import (
     print_json,
     print_notes,
     require_ending,
+    require_figure,
     text_table,
     workers_of,
 )
@@ -175,6 +177,7 @@ def scatter(options: ScatterArguments) -> int:
     check_whole("--count", options.count, most=MAX_BODIES)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
     require_ending("--out", options.out, ".glb")
+    require_figure("--figure", options.figure)
     sides = None if options.floor is None else numbers("--floor", options.floor, "w,d")
     lengths = [("--floor", side) for side in sides or ()]
     if options.size is not None:
@@ -207,9 +210,12 @@ def scatter(options: ScatterArguments) -> int:
         show_part(bar, 0, None, "scene")
         contents = {options.out: room_glb(room)}
         if options.figure is not None:
+            from dicedesign.report.raster import decode_png
+            from dicedesign.report.sheet import figure_bytes, picture_sheet
             from dicedesign.scenes.picture import room_picture
 
-            contents[options.figure] = room_picture(room)
+            figure = picture_sheet(decode_png(room_picture(room)))
+            contents[options.figure] = figure_bytes(figure, options.figure.suffix)
     write_files(contents)
     if options.json:
         print_json(room.plain())
@@ -240,8 +246,10 @@ def repair(options: RepairArguments) -> int:
     """Write the repaired surface of a mesh."""
     from dicedesign.fabricate.file_formats import format_of_ending, mesh_bytes
     from dicedesign.geometry.surfaces.repair import FINEST, input_surface
+    from dicedesign.report.paper import PAGE_WIDTH
     from dicedesign.report.raster import upward_of
-    from dicedesign.report.surface_figures import repair_figure
+    from dicedesign.report.sheet import figure_bytes
+    from dicedesign.report.surface_figures import repair as draw_repair
 
     mesh, out = options.mesh, _repaired_path(options)
     kind = format_of_ending(out.suffix, str(out))
@@ -251,8 +259,8 @@ def repair(options: RepairArguments) -> int:
         points = np.asarray(np.linalg.solve(kind.frame, surface.points.T).T, np.float64)
         contents = {out: mesh_bytes(points, surface.triangles, out.suffix, str(out))}
         if repaired is not None:
-            figure = repair_figure(repaired, upward_of(mesh))
-            contents[out.with_name(f"{out.stem}_repair.png")] = figure.png()
+            figure = draw_repair(repaired, upward_of(mesh), width=PAGE_WIDTH)
+            contents[out.with_name(f"{out.stem}_repair.png")] = figure_bytes(figure, ".png")
         write_files(contents)
     print_notes(*notes)
     if repaired is not None:
@@ -296,7 +304,9 @@ def balance(options: BalanceArguments) -> int:
     """Write a mesh with its center of mass moved toward a goal."""
     from dicedesign.balance.balanced import balance_body
     from dicedesign.balance.options import BalanceOptions
-    from dicedesign.report.surface_figures import balance_figure
+    from dicedesign.report.paper import PAGE_WIDTH
+    from dicedesign.report.sheet import figure_bytes
+    from dicedesign.report.surface_figures import balance as draw_balance
 
     goal = _make_goal(options)
     infill = options.infill
@@ -321,7 +331,8 @@ def balance(options: BalanceArguments) -> int:
             file.with_name(file.stem + end) if end else file: data
             for end, data in result.made.files.items()
         }
-        contents[file.with_name(f"{file.stem}_balance.png")] = balance_figure(result).png()
+        figure = draw_balance(result, width=PAGE_WIDTH)
+        contents[file.with_name(f"{file.stem}_balance.png")] = figure_bytes(figure, ".png")
         contents[file.with_name(f"{file.stem}_balance.json")] = json_text(result.data()).encode()
         write_files(contents)
     print_notes(*result.notes)
@@ -410,12 +421,18 @@ def _print_balance(mesh: Path, result: Balanced) -> None:
     print(f"\n{table}")
 
 
+MIN_WIDTH, MAX_WIDTH = 2.5, 20.0
+"""Limits of `--width`, in inches."""
+
+
 def draw_figure(options: FigureArguments) -> int:
     """Draw a figure of a body."""
     from dicedesign.recipe.subjects import subject_of
-    from dicedesign.report.figures import BODY_FIGURES
+    from dicedesign.report.body_figures import BODY_FIGURES
+    from dicedesign.report.paper import COLUMN_WIDTH
+    from dicedesign.report.sheet import figure_bytes
 
-    figure = BODY_FIGURES[options.kind]
+    kind = BODY_FIGURES[options.kind]
     for name, kinds in (
         ("down", ("paths", "drop")),
         ("before", ("before_after",)),
@@ -425,7 +442,13 @@ def draw_figure(options: FigureArguments) -> int:
                 f"--{name}: expected with {' or '.join(kinds)}, got {options.kind}; leave it out"
             )
     out = options.out or Path(f"{options.subject.resolve().stem}_{options.kind}.png")
-    require_ending("--out", out, ".png")
+    require_ending("--out", out, *FIGURE_ENDINGS, *([] if kind.table is None else [".csv"]))
+    width = COLUMN_WIDTH if options.width is None else options.width
+    if not MIN_WIDTH <= width <= MAX_WIDTH:
+        raise InputError(
+            f"--width: expected {MIN_WIDTH:g} to {MAX_WIDTH:g} inches, got {width:g}; one "
+            f"column of a paper is {COLUMN_WIDTH:g} wide"
+        )
     down = None if options.down is None else numbers("--down", options.down)
     with progress_bar("figure"):
         subject = subject_of(
@@ -435,8 +458,12 @@ def draw_figure(options: FigureArguments) -> int:
             item=options.item,
             down=down,
             before=options.before,
+            width=width,
         )
-        data = figure.draw(subject).png()
+        if kind.table is not None and out.suffix.lower() == ".csv":
+            data = kind.table(subject).encode()
+        else:
+            data = figure_bytes(kind.draw(subject), out.suffix)
     atomic_write(out, data)
     print_files([out])
     return 0

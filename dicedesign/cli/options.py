@@ -86,10 +86,22 @@ def print_notes(*texts: object) -> None:
         print(f"note: {printable(text)}", file=sys.stderr)
 
 
-def require_ending(option: str, path: Path, ending: str) -> None:
+FIGURE_ENDINGS = (".pdf", ".svg", ".png")
+"""Endings of files of figures."""
+
+
+def require_ending(option: str, path: Path, *endings: str) -> None:
     """Raise InputError with the option's name if a path has another ending, in any case."""
-    if path.suffix.lower() != ending:
-        raise InputError(f"{option}: expected a path that ends in {ending}, got {path}; rename it")
+    if path.suffix.lower() not in endings:
+        *others, last = endings
+        names = f"{', '.join(others)} or {last}" if others else last
+        raise InputError(f"{option}: expected a path that ends in {names}, got {path}; rename it")
+
+
+def require_figure(option: str, path: Path | None) -> None:
+    """Raise InputError with the option's name if a path is none of a figure."""
+    if path is not None:
+        require_ending(option, path, *FIGURE_ENDINGS)
 
 
 def print_files(paths: Iterable[Path]) -> None:

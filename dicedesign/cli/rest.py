@@ -21,6 +21,7 @@ from dicedesign.cli.options import (
     plain_rows,
     print_json,
     print_notes,
+    require_figure,
     text_table,
     workers_of,
 )
@@ -45,6 +46,7 @@ def list_rests(options: RestArguments) -> int:
                 f"--{name}: expected a folder of meshes, got {meshes[0]}; leave --{name} out, or "
                 "name a folder or a table with --out"
             )
+    require_figure("--figure", options.figure)
     settings = _settings(options, map(str, meshes))
     bodies = [
         (mesh, source)
@@ -160,9 +162,10 @@ def _describe_body(
             model = momentum_model(options.table)
         thrown = momentum_probabilities(poses, rigid_body(body, poses), model)
     if options.figure is not None:
-        from dicedesign.report.gauss_map import gauss_map_figure
+        from dicedesign.report.gauss_map import gauss_map
+        from dicedesign.report.sheet import figure_bytes
 
-        atomic_write(options.figure, gauss_map_figure(poses).png())
+        atomic_write(options.figure, figure_bytes(gauss_map(poses), options.figure.suffix))
     columns = facet_columns(poses, False)
     mass = mass_values(source, body, poses, density)
     record = {

@@ -19,6 +19,7 @@ from dicedesign.cli.options import (
     plain_rows,
     print_json,
     print_notes,
+    require_figure,
     text_table,
 )
 from dicedesign.errors import InputError, printable
@@ -45,6 +46,7 @@ def judge_rolls(options: RollsArguments) -> int:
             f"--confidence: expected at least {LEAST_CONFIDENCE:g} and less than 1, got "
             f"{options.confidence:g}; 0.95 is usual"
         )
+    require_figure("--figure", options.figure)
     _check_page(options)
     labels, probabilities, source, die = _read_probabilities(options.die, options.item)
     if len(labels) < 2:
@@ -70,9 +72,11 @@ def judge_rolls(options: RollsArguments) -> int:
             return 0
     verdict = judge(counts)
     if options.figure is not None:
-        from dicedesign.report.bar_charts import rolls_chart
+        from dicedesign.report.bar_charts import roll_frequencies
+        from dicedesign.report.sheet import figure_bytes
 
-        atomic_write(options.figure, rolls_chart(labels, verdict).png())
+        figure = roll_frequencies(labels, verdict)
+        atomic_write(options.figure, figure_bytes(figure, options.figure.suffix))
     if options.json:
         print_json({"probabilities_source": source, **_summarize(labels, verdict)})
     else:

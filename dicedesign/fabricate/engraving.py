@@ -323,6 +323,10 @@ OFF = 0.1
 labels. The middle of a wall triangle is a third of the depth away, less on a slope."""
 
 
+LARGE_FACETS = 100
+"""Number of facets, the largest, that are compared first."""
+
+
 def labels_below_hull(marked: Surface, depth: float) -> Booleans:
     """(t,) whether a triangle of a convex die belongs to a label: it is below the hull and not in a
     hollow inside.
@@ -330,7 +334,16 @@ def labels_below_hull(marked: Surface, depth: float) -> Booleans:
     depth: of labels, above 0, in the unit of the surface.
     """
     middles = marked.points[marked.triangles].mean(axis=1)
-    is_below = convex_hull(marked.points).least_depths(middles) > OFF * depth
+    hull = convex_hull(marked.points)
+    # Most triangles of rounded edges are on the hull, as their corners are.
+    corners = set(map(tuple, hull.vertices.tolist()))
+    is_corner = np.array([tuple(point) in corners for point in marked.points.tolist()])
+    is_below: Booleans = np.logical_not(is_corner[marked.triangles].all(axis=1))
+    # Few facets are large, and rule most of the others out.
+    normals = hull.normals[np.argsort(-hull.areas)[:LARGE_FACETS]]
+    near = (hull.vertices @ normals.T).max(axis=0) - middles[is_below] @ normals.T
+    is_below[is_below] = near.min(axis=1) > OFF * depth
+    is_below[is_below] = hull.least_depths(middles[is_below]) > OFF * depth
     shells = shells_of(marked.triangles)
     return is_below & np.isin(shells, shells[~is_below])
 

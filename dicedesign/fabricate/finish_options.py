@@ -75,8 +75,9 @@ class EngravingOptions(Options):
     blank: list[str] = field(default_factory=list)
     """Labels whose faces stay blank, such as the rim of a coin."""
     icons: dict[str, str] = field(default_factory=dict)
-    """Icons by the labels they replace: SVG files, with paths relative to the recipe, or names of
-    `ICON_NAMES`. Dark areas are cut, as tall as a digit."""
+    """Icons by the labels they replace: SVG files, with paths relative to the recipe, or one of
+    heart, star, bolt, moon, drop, leaf, crown, cross, diamond, ring, arrow, flag. Dark areas are
+    cut, as tall as a digit."""
     font: str = BUNDLED_FONT
     """The bundled font, the family of an installed one (its bold face), or the path of a .ttf or
     .otf file, relative to the recipe."""

@@ -15,7 +15,7 @@ from dicedesign.recipe.recipe import NAME, Recipe
 from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:
-    from dicedesign.fabricate.die import Assessment
+    from dicedesign.fabricate.die import Assessment, FinishedDie
     from dicedesign.results.result import Result, Step
     from dicedesign.runtime.arrays import Floats, Integers
 
@@ -32,7 +32,7 @@ class Die:
     def __init__(self, plain: Work) -> None:
         self._plain = plain
         self._work = self._finish(plain.recipe)
-        self._result: Result | None = None
+        self._finished: FinishedDie | None = None
 
     def _finish(self, recipe: Recipe) -> Work:
         """Run the stages from the check to the throws with another recipe."""
@@ -47,11 +47,18 @@ class Die:
     @property
     def result(self) -> Result:
         """Content of result.json, with printability and tolerances."""
-        if self._result is None:
+        return self.finished.result
+
+    @property
+    def finished(self) -> FinishedDie:
+        """Data of the die for figures."""
+        from dicedesign.recipe.output import make_finished_die
+
+        if self._finished is None:
             work = self._work.copy()
             run_stages(work, after="throws", last="tolerances")
-            self._result = work.result()
-        return self._result
+            self._finished = make_finished_die(work)
+        return self._finished
 
     @property
     def recipe(self) -> Recipe:
@@ -133,7 +140,7 @@ class Die:
         work = self._finish(parse_recipe({**self.recipe.as_dict(), "engrave": options or True}))
         if work.engraved is None:
             raise EngravingError(work.remarks[-1])
-        self._work, self._result = work, None
+        self._work, self._finished = work, None
         return self
 
     def save(self, path: Path | str) -> None:

@@ -29,7 +29,6 @@ from dicedesign.results.result import (
     Engraved,
     InfillProbabilities,
     Inside,
-    LabelSide,
     PrintTolerances,
     Result,
     StageTime,
@@ -177,10 +176,6 @@ class Work:
             engraved = Engraved(
                 **({} if verdict is None else verdict.as_fields()),
                 reading=None if self.reading is None else self.reading.sentence,
-                sides=tuple(
-                    LabelSide(each.text, *map(tuple, each.frame[:3, [2, 1]].T.tolist()))
-                    for each in self.engraved.placements
-                ),
                 balance=self.balance,
             )
         files: dict[str, str] = {}

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.reading import read_body
-from dicedesign.report.figures import Subject, surface_to_draw
+from dicedesign.report.body_figures import Subject, surface_to_draw
+from dicedesign.report.paper import COLUMN_WIDTH
 from dicedesign.report.raster import upward_of
 from dicedesign.report.renderer import RenderMesh
 from dicedesign.rest.outcomes import facet_of_rest
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from dicedesign.recipe.pipeline import Work
     from dicedesign.recipe.recipe import Recipe
     from dicedesign.rest.poses import RestPoses
+    from dicedesign.results.result import Result
+    from dicedesign.runtime.arrays import Integers
 
 RECIPES = (".yaml", ".yml")
 """Endings of recipe files."""
@@ -39,6 +42,7 @@ def subject_of(
     item: int | None = None,
     down: tuple[float, float, float] | None = None,
     before: Path | None = None,
+    width: float = COLUMN_WIDTH,
 ) -> Subject:
     """Read or design the subject of a path.
 
@@ -46,7 +50,7 @@ def subject_of(
     ----------
     path: mesh file, results folder, or recipe to design.
     center_of_mass, coplanar_tolerance: of a mesh, as in `rest_poses`; item: as in `read_body`.
-    down: see `Subject`.
+    down, width: see `Subject`.
     before: original mesh of the body, in the same place and scale; None for a recipe's start.
 
     Raises
@@ -54,9 +58,9 @@ def subject_of(
     InputError: the file is missing, or options of a mesh are given with another subject.
     RecipeError: the recipe is invalid.
     """
-    is_folder = os.path.isdir(path)
+    is_folder, facts = os.path.isdir(path), dict[str, Any]()
     if not is_folder and path.suffix.lower() not in RECIPES:
-        body, recipe, labels = read_body(path, item), None, None
+        body, recipe = read_body(path, item), None
         poses = rest_poses(body, center_of_mass, coplanar_tolerance=coplanar_tolerance)
         upward = upward_of(path)
     else:
@@ -72,11 +76,16 @@ def subject_of(
         recipe = read_recipe(path / RECIPE if is_folder else path)
         upward = upward_of(recipe.start.mesh and recipe.start.mesh.path)
         if is_folder:
-            body, poses, labels = _read_die(path, recipe)
+            body, poses, result = _read_die(path, recipe)
         else:
             # Read back from its file, as a die of a folder.
-            die = design_recipe(recipe, last="check").plain
-            body, poses, labels = die.body, die.poses, [facet.label or "" for facet in die.facets]
+            work = design_recipe(recipe, last="check")
+            body, poses, result = work.plain.body, work.plain.poses, work.result()
+        facts = {
+            "result": result,
+            "outcome_of_rest": _outcomes_of_rests(poses, result),
+            "tolerance": recipe.method.tolerance,
+        }
 
     def make_before() -> RenderMesh:
         if before is not None:
@@ -90,23 +99,27 @@ def subject_of(
             )
         return _draw_start(design_recipe(recipe, last="start"), path, poses.hull)
 
-    return Subject(body, poses, labels, upward, make_before, down)
+    return Subject(body, poses, upward, make_before, down=down, width=width, **facts)
 
 
-def _read_die(folder: Path, recipe: Recipe) -> tuple[Body, RestPoses, list[str]]:
-    """Body of a results folder, its rests and their labels."""
+def _read_die(folder: Path, recipe: Recipe) -> tuple[Body, RestPoses, Result]:
+    """Body of a results folder, its rests and its result."""
     from dicedesign.results.folder import read_result
 
     result = read_result(folder)
     body = read_body(folder / PLAIN)
     # The file does not hold a given center of mass.
     given = None if recipe.center_of_mass is None else result.center_of_mass
-    poses = rest_poses(body, given).under(recipe.density_prior())
+    return body, rest_poses(body, given).under(recipe.density_prior()), result
+
+
+def _outcomes_of_rests(poses: RestPoses, result: Result) -> Integers:
+    """(k,) number of the outcome of each rest of a die, or -1 for none."""
     # Equally probable rests may have another order than in the run.
     normals = np.array([facet.normal for facet in result.facets]).reshape(-1, 3)
     facets = facet_of_rest(poses.normals, normals).tolist()
-    labels = ["" if k < 0 else result.facets[k].label or "" for k in facets]
-    return body, poses, labels
+    outcomes = [result.facets[k].outcome if k >= 0 else None for k in facets]
+    return np.array([-1 if name is None else result.labels.index(name) for name in outcomes])
 
 
 def _draw_start(work: Work, path: Path, die_hull: ConvexHull) -> RenderMesh:

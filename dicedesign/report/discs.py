@@ -8,21 +8,17 @@ from functools import lru_cache
 
 import numpy as np
 from contourpy import contour_generator
+from numpy.typing import NDArray
 
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.report.paper import GAP, PAGE_WIDTH, POINTS
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.tracing import slide
 from dicedesign.runtime.arrays import Floats, Integers
 
-DISC_PIXELS = 690.0
-"""Side of the square around a disc."""
-
-MAP_SIZE = (2.0 * DISC_PIXELS + 60.0, DISC_PIXELS + 195.0)
-"""Width and height, in pixels, of the figure of a Gauss map."""
-
-RADIUS = DISC_PIXELS / (2.0 * 1.02)
-"""Radius of a disc, in pixels."""
+MAP_TOP = 16.0
+"""Height above the discs, for their titles, in points."""
 
 LEAST_WRITTEN = 0.01
 """Probability above which a rest is labeled on the map."""
@@ -30,8 +26,23 @@ LEAST_WRITTEN = 0.01
 MAP_PIXELS = 345
 """Side of the grid of pixels of a disc."""
 
+FINER = 3
+"""Parts of the side of a pixel at the border of a basin, to find the border within the pixel."""
+
 CHUNK = 20_000
 """Number of directions that are followed at a time, to limit memory."""
+
+
+def disc_radius(width: float) -> float:
+    """Radius in points of the two discs on a map of `width` inches."""
+    return (POINTS * width - 3.0 * GAP) / 4.0
+
+
+RADIUS = disc_radius(PAGE_WIDTH)
+"""Radius of a disc on the map of the report, in points."""
+
+MAP_SIZE = (POINTS * PAGE_WIDTH, MAP_TOP + 2.0 * RADIUS)
+"""Width of the map of the report, and height down to the lower end of its discs, in points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +54,13 @@ class Disc:
     Attributes
     ----------
     short: axis, as small integers.
-    middle: (2,) position of the center on the map, in pixels.
+    middle: (2,) position of the center on the map, in points.
+    radius: in points.
     """
 
     short: tuple[int, int, int]
     middle: Floats
+    radius: float
 
     @property
     def frame(self) -> Floats:
@@ -69,16 +82,14 @@ class Disc:
         return flat / np.sqrt(1.0 + self.heights(directions))[..., None]
 
     def to_paper(self, points: Floats) -> Floats:
-        """Pixels (..., 2) of the map, y downward, of points (..., 2) of the disc of radius 1."""
-        return self.middle + RADIUS * points * [1.0, -1.0]
+        """Places (..., 2) on the map, y downward, of points (..., 2) of the disc of radius 1."""
+        return self.middle + self.radius * points * [1.0, -1.0]
 
-    def pixels(self, size: int) -> Floats:
-        """Unit directions (size, size, 3) at grid centers over [-1, 1]^2, lowest row first.
+    def directions(self, points: Floats) -> Floats:
+        """Unit directions (..., 3) of points (..., 2) of the disc of radius 1.
 
-        Off the disc they are at the nearest points of the rim.
+        Off the disc they are those of the nearest points of the rim.
         """
-        centers = (2.0 * np.arange(size) + 1.0) / size - 1.0
-        points = np.stack(np.meshgrid(centers, centers), axis=-1)
         points = points / np.maximum(norms(points), 1.0)[..., None]
         squared = (points * points).sum(-1)[..., None]
         flat = points * np.sqrt(2.0 - squared)
@@ -107,14 +118,15 @@ def choose_axis(minima: Floats) -> tuple[int, int, int]:
     return axes[int(np.argmax(np.round(nearest - 0.02 * norms(grid), 9)))]
 
 
-def place_discs(poses: RestPoses) -> tuple[Disc, Disc]:
-    """Two hemispheres of a body's Gauss map, in their places on the figure."""
+def place_discs(poses: RestPoses, width: float = PAGE_WIDTH) -> tuple[Disc, Disc]:
+    """Two hemispheres of a body's Gauss map, in their places on a map of `width` inches."""
     weighty = poses.probabilities >= min(LEAST_WRITTEN, poses.probabilities[0])
     x, y, z = choose_axis(poses.normals[weighty])
-    half, height = DISC_PIXELS / 2.0, 60.0 + DISC_PIXELS / 2.0
+    radius = disc_radius(width)
+    height = MAP_TOP + radius
     return (
-        Disc((x, y, z), np.array([15.0 + half, height])),
-        Disc((-x, -y, -z), np.array([45.0 + 3.0 * half, height])),
+        Disc((x, y, z), np.array([GAP + radius, height]), radius),
+        Disc((-x, -y, -z), np.array([2.0 * GAP + 3.0 * radius, height]), radius),
     )
 
 
@@ -148,34 +160,70 @@ def basin_of_directions(
     return rests
 
 
-@lru_cache(maxsize=1)
-def map_basins(poses: RestPoses) -> list[tuple[Disc, Floats, Integers]]:
-    """For each disc of the Gauss map, unit directions (p, p, 3) of a grid of pixels, lowest row
-    first, and the rests (p, p) that are reached from them."""
-    discs = place_discs(poses)
-    grids = [disc.pixels(MAP_PIXELS) for disc in discs]
-    rests = [basin_of_directions(poses, grid.reshape(-1, 3)) for grid in grids]
-    squares = [own.reshape(MAP_PIXELS, MAP_PIXELS) for own in rests]
-    return list(zip(discs, grids, squares, strict=True))
+@dataclass(frozen=True, eq=False)
+class DiscBasins:
+    """Basins on a disc of radius 1.
 
-
-def basin_outlines(poses: RestPoses) -> list[tuple[Disc, list[list[Floats]]]]:
-    """For each disc of the Gauss map, and each rest, polygons (m, 2) around its basin, in pixels of
-    the map.
-
-    A point of the disc is in the basin if it is within an odd number of them. Beyond the rim the
-    polygons have no meaning.
+    Attributes
+    ----------
+    directions: (p, p, 3) unit directions of a grid of pixels over [-1, 1]^2, lowest row first.
+    rests: (p, p) rests that are reached from them.
+    outlines: polygons (m, 2) around the basin of each rest. A point of the disc is in the basin if
+        it is within an odd number of them. Beyond the rim they have no meaning.
     """
-    centers = (2.0 * np.arange(-1, MAP_PIXELS + 1) + 1.0) / MAP_PIXELS - 1.0
+
+    directions: Floats
+    rests: Integers
+    outlines: list[list[Floats]]
+
+
+@lru_cache(maxsize=1)
+def map_basins(poses: RestPoses) -> tuple[DiscBasins, DiscBasins]:
+    """Basins of a body on the two discs of its Gauss map."""
+    one, other = (_trace_basins(poses, disc) for disc in place_discs(poses))
+    return one, other
+
+
+def _trace_basins(poses: RestPoses, disc: Disc) -> DiscBasins:
+    centers = (2.0 * np.arange(MAP_PIXELS) + 1.0) / MAP_PIXELS - 1.0
+    points = np.stack(np.meshgrid(centers, centers), axis=-1)
+    directions = disc.directions(points)
+    rests = basin_of_directions(poses, directions.reshape(-1, 3)).reshape(len(points), -1)
+    # A pixel at a border belongs in part to either side.
+    at_border = border_pixels(rests)
+    parts = (np.arange(FINER) - (FINER - 1) / 2.0) * 2.0 / (FINER * MAP_PIXELS)
+    shifts = np.stack(np.meshgrid(parts, parts), axis=-1).reshape(-1, 2)
+    finer = disc.directions(points[at_border][:, None] + shifts)
+    finer_rests = basin_of_directions(poses, finer.reshape(-1, 3)).reshape(-1, len(shifts))
+    padded = np.concatenate(
+        [centers[:1] - 2.0 / MAP_PIXELS, centers, centers[-1:] + 2.0 / MAP_PIXELS]
+    )
     outlines = []
-    for disc, _, rests in map_basins(poses):
-        padded = np.pad(rests, 1, constant_values=-1)
-        masks = [np.where(padded == rest, 1.0, 0.0) for rest in range(len(poses.facets))]
-        rings = [
-            contour_generator(centers, centers, mask).lines(0.5) if mask.any() else []
-            for mask in masks
-        ]
-        outlines.append(
-            (disc, [[disc.to_paper(np.asarray(ring)) for ring in own] for own in rings])
-        )
-    return outlines
+    for rest in range(len(poses.facets)):
+        shares = (rests == rest).astype(np.float64)
+        shares[at_border] = (finer_rests == rest).mean(axis=1)
+        contours = contour_generator(padded, padded, np.pad(shares, 1))
+        outlines.append([np.asarray(ring) for ring in contours.lines(0.5)] if shares.any() else [])
+    return DiscBasins(directions, rests, outlines)
+
+
+def border_pixels(rests: Integers) -> NDArray[np.bool_]:
+    """(p, p) whether a pixel has a neighbor in its row or column that leads to another rest."""
+    at_border = np.zeros(rests.shape, dtype=bool)
+    across, along = rests[1:] != rests[:-1], rests[:, 1:] != rests[:, :-1]
+    at_border[1:] |= across
+    at_border[:-1] |= across
+    at_border[:, 1:] |= along
+    at_border[:, :-1] |= along
+    return at_border
+
+
+def basin_outlines(
+    poses: RestPoses, width: float = PAGE_WIDTH
+) -> list[tuple[Disc, list[list[Floats]]]]:
+    """For each disc of a Gauss map of `width` inches, and each rest, polygons (m, 2) around its
+    basin, in points of the map; see `DiscBasins.outlines`."""
+    return [
+        (disc, [[disc.to_paper(ring) for ring in rings] for rings in basins.outlines])
+        for disc, basins in zip(place_discs(poses, width), map_basins(poses), strict=True)
+    ]

@@ -1,40 +1,29 @@
-"""Figures of the report of a finished die, in the order of the page, and kinds of figures of bodies
-for `dicedesign figure`.
+"""Figures of the report of a finished die, in the order of the page.
 
 Modules that draw are imported late, as importing matplotlib takes half a second.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from dicedesign.kernels import ops as kernels
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.report.paper import PAGE_WIDTH, REPORT_DPI
 from dicedesign.runtime.registry import Extension, Registry
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
-    from dicedesign.geometry.hulls.hull import ConvexHull
-    from dicedesign.geometry.meshes.body import Body
-    from dicedesign.report.renderer import RenderMesh
-    from dicedesign.report.sheet import Sheet
-    from dicedesign.rest.poses import RestPoses
-
-MAX_TRIANGLES = 1_000_000
-"""Most triangles of a mesh that is drawn itself; with more, its hull is drawn."""
 
 MAX_FLAT_TRIANGLES = 400
 """Most triangles of a mesh that is drawn with flat faces and edges."""
 
 
-def _drawing(address: str, *arguments: Any) -> Any:
+def draw_by_address(address: str, *arguments: Any, **options: Any) -> Any:
     """Call a function of this package, "module:name"."""
-    return resolve_name(f"dicedesign.report.{address}")(*arguments)
+    return resolve_name(f"dicedesign.report.{address}")(*arguments, **options)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +49,14 @@ class Figure(Extension):
     part: str = ""
 
 
+def _whole(die: FinishedDie) -> tuple[Any, ...]:
+    return (die,)
+
+
+def _result(die: FinishedDie) -> tuple[Any, ...]:
+    return (die.result,)
+
+
 def _figure(
     name: str,
     address: str,
@@ -67,14 +64,19 @@ def _figure(
     line: str,
     title: str,
     caption: str,
+    arguments: Callable[[FinishedDie], tuple[Any, ...]] = _whole,
     **more: str,
 ) -> Figure:
-    """Figure that a function of this package, "module:name", draws as a sheet or as a file."""
+    """Figure that a function of this package, "module:name", draws as wide as the page.
+
+    arguments: of the function.
+    """
 
     def draw(die: FinishedDie) -> bytes:
-        drawing = _drawing(address, die)
-        content: bytes = drawing if isinstance(drawing, bytes) else drawing.png()
-        return content
+        from dicedesign.report.sheet import figure_bytes
+
+        figure = draw_by_address(address, *arguments(die), width=PAGE_WIDTH)
+        return figure_bytes(figure, ".png", REPORT_DPI)
 
     return Figure(
         name=name, line=line, title=title, caption=caption, wanted=wanted, draw=draw, **more
@@ -124,7 +126,7 @@ FIGURES = Registry(
         ),
         _figure(
             "table",
-            "bar_charts:table_chart",
+            "bar_charts:table_probabilities",
             lambda die: die.result.thrown is not None,
             "probabilities on the table by each model beside the target",
             "Probabilities on the table",
@@ -132,6 +134,7 @@ FIGURES = Registry(
             "outcome comes up: without momentum, by the momentum model (with the range for 95 of "
             "100 prints), and in simulated throws, if any, with a 95 % interval.",
             instead_of="bars",
+            arguments=_result,
         ),
         _figure(
             "candidates",
@@ -151,10 +154,11 @@ FIGURES = Registry(
             "Repair",
             "Above, the original mesh; edges that do not join two triangles are red. Below, the "
             "repaired surface. All views have the same scale.",
+            arguments=lambda die: (die.repaired, die.upward),
         ),
         _figure(
             "rounds",
-            "curve_charts:rounds_chart",
+            "curve_charts:rounds",
             lambda die: die.result.thrown is not None and len(die.result.thrown.rounds) > 0,
             "deviation from the target after each round of simulated throws",
             "Round by round",
@@ -164,10 +168,11 @@ FIGURES = Registry(
             "throws of all rounds, and the die with the least is kept. Triangles, if any, are "
             "the deviation that nine in ten hands are expected to see at most.",
             part="research",
+            arguments=_result,
         ),
         _figure(
             "hands",
-            "curve_charts:hands_chart",
+            "curve_charts:hands",
             _has_several_hands,
             "probabilities of the outcomes from gentle to quick hands",
             "From gentle to quick hands",
@@ -175,18 +180,18 @@ FIGURES = Registry(
             "the die with this energy. One is a fall from a height of one die. Curves that are "
             "level are the same for every hand; dashed lines are the targets.",
         ),
-        _figure(
-            "throw",
-            "motion_pictures:throw",
-            _can_be_filmed,
-            "a throw as a moving picture",
-            "A throw",
-            "A simulated throw of typical length, in slow motion.",
+        Figure(
+            name="throw",
+            line="a throw as a moving picture",
+            title="A throw",
+            caption="A simulated throw of typical length, in slow motion.",
+            wanted=_can_be_filmed,
+            draw=lambda die: draw_by_address("motion_pictures:throw", die),
             suffix=".gif",
         ),
         _figure(
             "before_after",
-            "surface_figures:before_after",
+            "surface_figures:reshaped",
             _is_reshaped,
             "the surface before and after it was made into a die",
             "Before and after",
@@ -194,22 +199,25 @@ FIGURES = Registry(
         ),
         _figure(
             "bars",
-            "bar_charts:bars_chart",
+            "bar_charts:probabilities",
             _is_convex,
             "target probabilities beside the achieved ones",
             "Target and achieved probabilities",
-            "The probability of each label: your target, and the die as designed (achieved, "
-            "die_plain.stl). The thin lines show the range for 95 of 100 prints.",
+            "The probability of each label of the die as designed (achieved, die_plain.stl), in "
+            "the color of its outcome. The wide bar behind it is your target. The thin lines show "
+            "the range for 95 of 100 prints.",
+            arguments=_result,
         ),
         _figure(
             "probabilities",
-            "bar_charts:before_after_chart",
+            "bar_charts:reshaped_probabilities",
             lambda die: die.result.concave is not None,
             "probabilities before and after the surface was made into a die",
             "Probabilities before and after",
             "Probability that the body comes to rest on each outcome, and on any other side "
             "(elsewhere), before and after it was made into a die. The wide bar behind each "
             "outcome is its target.",
+            arguments=_result,
         ),
         _figure(
             "hull",
@@ -222,7 +230,7 @@ FIGURES = Registry(
         ),
         _figure(
             "trade_off",
-            "curve_charts:trade_off_chart",
+            "curve_charts:trade_off",
             lambda die: (
                 die.result.search is not None and len(die.result.search.trade_off.drafts) > 0
             ),
@@ -232,15 +240,17 @@ FIGURES = Registry(
             "probabilities are from the target, all other rests included. The mark shows its worst "
             "flaw.",
             part="research",
+            arguments=_result,
         ),
         _figure(
             "convergence",
-            "curve_charts:course_chart",
+            "curve_charts:history",
             _is_convex,
             "error and energy of the design against run time, or steps",
             "Course of the design",
             "Largest difference of a probability from its target, and the energy, after each step.",
             part="research",
+            arguments=lambda die: (die.result, die.tolerance),
         ),
         _figure(
             "displacement",
@@ -261,13 +271,14 @@ FIGURES = Registry(
         ),
         _figure(
             "energy",
-            "curve_charts:course_chart",
+            "curve_charts:history",
             lambda die: die.reshaped is not None and len(die.result.history) > 0,
             "energy and error of a design of several stages against run time, or steps",
             "Energy of each stage",
             "Each stage lowers an energy of its own. The error, the largest difference of a "
             "probability from its target, is drawn where it was computed.",
             part="research",
+            arguments=lambda die: (die.result, die.tolerance),
         ),
         _figure(
             "gauss_map",
@@ -275,10 +286,15 @@ FIGURES = Registry(
             _is_convex,
             "directions of the die by the facet that it comes to rest on",
             "Where the die ends up",
-            "Each colored area belongs to one face. A larger area means a more likely face. Each "
-            "point is a direction of the die that points down when it is let go without momentum. "
-            "The thick lines (separatrices) divide the areas. At a saddle the die can fall to "
-            "either side of an edge; at a maximum it balances on a corner.",
+            "Each area is one face, in the color of its outcome. A larger area means a more likely "
+            "face. Each point is a direction of the die that points down when it is let go without "
+            "momentum. The thick lines (separatrices) divide the areas. At a saddle the die can "
+            "fall to either side of an edge; at a maximum it balances on a corner.",
+            arguments=lambda die: (
+                die.plain.poses,
+                die.result.labels,
+                die.plain.outcomes.outcome_of_rest,
+            ),
         ),
         _figure(
             "views",
@@ -287,6 +303,7 @@ FIGURES = Registry(
             "the die from several sides",
             "The die from several sides",
             "All views have one scale.",
+            arguments=lambda die: (die.printed.points, die.printed.triangles),
         ),
         _figure(
             "reading",
@@ -333,100 +350,3 @@ def figure_files(
         on_figure(len(files), len(wanted), "figures")
         files[figure.name] = figure.draw(die)
     return files
-
-
-@dataclass(frozen=True, eq=False)
-class Subject:
-    """Subject of a figure.
-
-    Attributes
-    ----------
-    body, poses: the solid and its rests.
-    labels: labels of the rests, empty texts for rests without one, or None.
-    upward: (3,) direction that is upward in pictures.
-    make_before: makes what the body was made from, in the same place and scale; raises InputError
-        if that is unknown.
-    down: direction that points down when the body is let go, or None to let the figure choose.
-    """
-
-    body: Body
-    poses: RestPoses
-    labels: Sequence[str] | None
-    upward: Floats
-    make_before: Callable[[], RenderMesh]
-    down: tuple[float, float, float] | None = None
-
-    @property
-    def surface(self) -> RenderMesh:
-        """Mesh of the body to draw."""
-        return surface_to_draw(self.body.points, self.body.triangles, self.poses.hull)
-
-
-def surface_to_draw(points: Floats, triangles: Integers | None, hull: ConvexHull) -> RenderMesh:
-    """Mesh to draw: smooth unless it has few triangles; the hull if it has none or too many."""
-    from dicedesign.report.renderer import RenderMesh
-
-    if triangles is None or len(triangles) > MAX_TRIANGLES:
-        points, triangles = hull.vertices, hull.triangles
-    return RenderMesh(points, np.asarray(triangles), smooth=len(triangles) > MAX_FLAT_TRIANGLES)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodyFigure(Extension):
-    """Kind of figure of a body.
-
-    Attributes
-    ----------
-    draw: draws the figure; raises InputError if the subject lacks what it shows.
-    """
-
-    draw: Callable[[Subject], Sheet]
-
-
-def _down(subject: Subject) -> Floats | None:
-    return None if subject.down is None else np.array([subject.down])
-
-
-BODY_FIGURES = Registry(
-    "kind of figure",
-    BodyFigure,
-    builtin=[
-        BodyFigure(name=name, line=line, draw=draw)
-        for name, line, draw in (
-            (
-                "heights",
-                "height of the center of mass over the Gauss map, by color",
-                lambda it: _drawing("gauss_map:heights_figure", it.poses),
-            ),
-            (
-                "paths",
-                "paths of bodies that roll, over the Gauss map, from many orientations or one",
-                lambda it: _drawing("gauss_map:paths_figure", it.poses, _down(it)),
-            ),
-            (
-                "complex",
-                "Morse-Smale complex over the Gauss map: basins, separatrices, rests, saddles, "
-                "maxima",
-                lambda it: _drawing("gauss_map:gauss_map_figure", it.poses, it.labels),
-            ),
-            (
-                "drop",
-                "a body that rolls to rest, step by step (from --down), and its path",
-                lambda it: _drawing("motion_pictures:drop_figure", it.surface, it.poses, it.down),
-            ),
-            (
-                "before_after",
-                "a die above the shape that its design began with, or a mesh above another "
-                "(--before)",
-                lambda it: _drawing(
-                    "surface_figures:before_after_figure",
-                    it.make_before(),
-                    it.surface,
-                    it.upward,
-                ),
-            ),
-        )
-    ],
-    group="dicedesign.body_figures",
-)
-"""Kinds of figures of bodies."""

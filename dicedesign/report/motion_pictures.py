@@ -13,7 +13,8 @@ from PIL import Image
 
 from dicedesign.geometry.sphere import angle_between, even_directions, norms, unit_vectors
 from dicedesign.geometry.triangles import Surface
-from dicedesign.report.gauss_map import path_of, paths_figure
+from dicedesign.report.gauss_map import path_of, paths_map
+from dicedesign.report.paper import COLUMN_WIDTH
 from dicedesign.report.raster import UP, Camera, frame_cameras, tilt_up, trim
 from dicedesign.report.renderer import (
     RenderMesh,
@@ -22,7 +23,13 @@ from dicedesign.report.renderer import (
     render_shadow,
     with_shadow,
 )
-from dicedesign.report.sheet import Sheet, picture_grid
+from dicedesign.report.sheet import (
+    Sheet,
+    cell_pixels,
+    grid_columns,
+    picture_grid,
+    with_style,
+)
 from dicedesign.rest.poses import RestPoses
 from dicedesign.rest.roll import roll_steps
 from dicedesign.runtime.arrays import Floats
@@ -36,6 +43,9 @@ MARGIN = 1.2
 
 MAX_MOMENTS = 10
 """Most moments of a roll that are drawn."""
+
+MOMENT_COLUMNS = 5
+"""Most moments in a row."""
 
 GIF_PIXELS = 480
 """Width of the moving picture."""
@@ -130,8 +140,13 @@ def moving_picture(film: Film, surface: Surface, center_of_mass: Floats) -> byte
     return buffer.getvalue()
 
 
-def drop_figure(
-    surface: RenderMesh, poses: RestPoses, down: Sequence[float] | Floats | None = None
+@with_style
+def drop(
+    surface: RenderMesh,
+    poses: RestPoses,
+    down: Sequence[float] | Floats | None = None,
+    *,
+    width: float = COLUMN_WIDTH,
 ) -> Sheet:
     """Body at the moments of a roll at which its contact with the table changes, all from one side,
     and the path of the direction that points down over the Gauss map.
@@ -144,6 +159,7 @@ def drop_figure(
     surface, poses: the body and its rests.
     down: (3,) direction of the body that points down at first, or None for the one of 300 with the
         most changes of contact.
+    width: in inches.
     """
     starts = even_directions(300) if down is None else [np.asarray(down)]
     steps = max((roll_steps(poses.morse.equilibria, start) for start in starts), key=len)
@@ -158,15 +174,15 @@ def drop_figure(
     level = np.cos(turn) * np.cross(right, UP) + np.sin(turn) * right
     cameras = [Camera(tilt_up(level, UP), UP)] * len(placed)
     cameras = frame_cameras(cameras, [with_shadow(points, UP) for points in placed])
+    columns = grid_columns(width, min(MOMENT_COLUMNS, max(len(placed), 2)))
+    size = cell_pixels(width, columns)
     pictures = [
-        render_on_table(replace(surface, points=points), UP, own, 300)
+        render_on_table(replace(surface, points=points), UP, own, size)
         for points, own in zip(placed, cameras, strict=True)
     ]
     titles = [f"{k + 1}: {steps[k].contact}, {steps[k].height:.4g} high" for k in moments]
     titles[-1] = f"{moments[-1] + 1}: at rest, {steps[-1].height:.4g} high"
-    grid = picture_grid(pictures, titles, min(5, len(pictures))).pixels()
-    sphere = paths_figure(poses, path[:1]).pixels()
-    sheet = Sheet(max(grid.shape[1], sphere.shape[1]), len(grid) + 10 + len(sphere))
-    for picture, top in ((grid, 0.0), (sphere, len(grid) + 10.0)):
-        sheet.picture(picture, (sheet.width - picture.shape[1]) / 2.0, top)
+    sphere = paths_map(poses, path[:1], width)
+    sheet = picture_grid(pictures, titles, columns, width, below=sphere.height)
+    sphere.draw(sheet, sheet.height - sphere.height)
     return sheet

@@ -151,8 +151,8 @@ def _environment() -> Environment:
 
 
 def _svg_path(rings: Sequence[Floats]) -> str:
-    """Path of closed polygons (m, 2) in SVG, in whole pixels."""
-    texts = (" ".join(f"{x:.0f},{y:.0f}" for x, y in ring.tolist()) for ring in rings)
+    """Path of closed polygons (m, 2) in SVG."""
+    texts = (" ".join(f"{x:.1f},{y:.1f}" for x, y in ring.tolist()) for ring in rings)
     return "".join(f"M{text}Z" for text in texts)
 
 

@@ -14,7 +14,8 @@ from matplotlib.path import Path
 
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import Surface, doubled_area_vectors
-from dicedesign.palette import ACCENT, DARK, FAINT, rgb
+from dicedesign.palette import BLANK, DARK, INK, outcome_colors, rgb, text_color
+from dicedesign.report.paper import COLUMN_WIDTH, GAP, POINTS
 from dicedesign.report.raster import UP, Camera, frame_cameras, tilt_up
 from dicedesign.report.renderer import (
     MATERIAL,
@@ -24,18 +25,31 @@ from dicedesign.report.renderer import (
     render_on_table,
     with_shadow,
 )
-from dicedesign.report.sheet import NOTE, Sheet, picture_grid, with_style
-from dicedesign.runtime.arrays import Floats
+from dicedesign.report.sheet import (
+    BODY,
+    LINE,
+    NOTE,
+    Sheet,
+    cell_pixels,
+    fold,
+    grid_columns,
+    picture_grid,
+    with_style,
+)
+from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.fabricate.die import FinishedDie
     from dicedesign.fabricate.label_layout import Placement
 
-PIXELS = 400
-"""Side of a picture."""
+VIEW_COLUMNS = 4
+"""Most views in a row."""
 
-VIEW_PIXELS = 320
-"""Side of a picture among eight views."""
+CANDIDATE_COLUMNS = 3
+"""Most dice in a row."""
+
+MIN_COLUMNS = 3
+"""Fewest columns, so that two pictures are no larger than three."""
 
 SIDES: dict[str, tuple[int, int, int]] = {
     "from +x": (1, 0, 0),
@@ -49,14 +63,6 @@ SIDES: dict[str, tuple[int, int, int]] = {
 }
 """Directions to the camera."""
 
-READ_COLOR = "#f2dd6e"
-"""Color of the facet to read; its label has the accent color."""
-
-FACE_COLOR = "#e6eaee"
-
-FACE_PIXELS = 210.0
-"""Width or height of the largest face."""
-
 FACE_COLUMNS = 6
 """Faces in a row, of up to 18; rows of more faces are longer."""
 
@@ -67,38 +73,44 @@ BARS_MM = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Lengths of a scale bar; the longest one that is not longer than a face is drawn."""
 
 
-def views(die: FinishedDie) -> Sheet:
-    """Die from six sides and two corners, all at one scale.
+def views(points: Floats, triangles: Integers, *, width: float = COLUMN_WIDTH) -> Sheet:
+    """Solid from six sides and two corners, all at one scale.
 
     The body's z points upward; in the views from +z and -z, y does.
+
+    points: (n, 3); triangles: (t, 3); width: in inches.
     """
-    surface = RenderMesh(die.printed.points, die.printed.triangles, smooth=False)
+    surface = RenderMesh(points, triangles, smooth=False)
     cameras = [
         Camera(np.array(side, float), np.eye(3)[1 if side[:2] == (0, 0) else 2])
         for side in SIDES.values()
     ]
     cameras = frame_cameras(cameras, [surface.points] * len(cameras))
-    pictures = [render(surface, camera, VIEW_PIXELS) for camera in cameras]
-    return picture_grid(pictures, list(SIDES), 4)
+    columns = grid_columns(width, VIEW_COLUMNS)
+    size = cell_pixels(width, columns)
+    pictures = [render(surface, camera, size) for camera in cameras]
+    return picture_grid(pictures, list(SIDES), columns, width)
 
 
-def candidates(die: FinishedDie) -> Sheet:
-    """Dice that were compared, each at its size, from one side."""
+def candidates(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
+    """Dice that were compared, each at its size, from one side. width: in inches."""
     compared, pictures = die.result.candidates, []
+    columns = grid_columns(width, CANDIDATE_COLUMNS)
+    size = cell_pixels(width, columns)
     largest = max(one.size_mm for one in compared)
     camera = Camera(np.array([1.0, -0.8, 0.55]), UP)
     for hull, one in zip(die.candidates, compared, strict=True):
         points = (hull.vertices - hull.centroid) / hull.diameter
         frame = points * largest / one.size_mm
         mesh = RenderMesh(points, hull.triangles, smooth=False)
-        pictures.append(render(mesh, frame_cameras([camera], [frame])[0], VIEW_PIXELS))
+        pictures.append(render(mesh, frame_cameras([camera], [frame])[0], size))
     names = [f"{number}: {one.name}" for number, one in enumerate(compared, start=1)]
-    return picture_grid(pictures, names, min(len(names), 3))
+    return picture_grid(pictures, names, columns, width)
 
 
-def print_orientation(die: FinishedDie) -> Sheet:
+def print_orientation(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
     """Die in its best print orientation, from the side and from beneath: parts that touch the print
-    bed are blue, and parts that need supports are red."""
+    bed are blue, and parts that need supports are red. width: in inches."""
     from dicedesign.fabricate.printability import ON_BED, PrintedSolid
     from dicedesign.fabricate.printers import PRINTERS
 
@@ -119,19 +131,20 @@ def print_orientation(die: FinishedDie) -> Sheet:
     beside = colored if hanging.any() else RenderMesh(placed, triangles, smooth=False)
     cameras = [Camera(np.array([1.0, -0.8, 0.55]), UP), Camera(-UP, np.array([0.0, 1.0, 0.0]))]
     above, beneath = frame_cameras(cameras, [with_shadow(placed, UP), placed])
-    pictures = [render_on_table(beside, UP, above, PIXELS), render(colored, beneath, PIXELS)]
-    return picture_grid(pictures, ["on the bed", "from beneath"], 2)
+    size = cell_pixels(width, MIN_COLUMNS)
+    pictures = [render_on_table(beside, UP, above, size), render(colored, beneath, size)]
+    return picture_grid(pictures, ["on the bed", "from beneath"], MIN_COLUMNS, width)
 
 
-def paint_labels(solid: Surface, labels: Sequence[Placement]) -> RenderMesh:
-    """Solid with labels and their facets in color.
+def paint_labels(solid: Surface, labels: Sequence[Placement], color: str) -> RenderMesh:
+    """Solid with the facets of labels in a color, and the labels in a color to be read on it.
 
     Three or more labels around a corner are colored alone, as their facets bear others too.
     """
     points, triangles = solid.points, solid.triangles
     areas, middles = doubled_area_vectors(points, triangles), points[triangles].mean(axis=1)
     colors = np.tile(MATERIAL, (len(triangles), 1))
-    facet_color, label_color = rgb([READ_COLOR, ACCENT])
+    facet_color, label_color = rgb([color, text_color(color) if len(labels) < 3 else INK])
     flush = 1e-4 * float(np.ptp(points, axis=0).max())
     for placement in labels:
         # Within 2.6 degrees triangles count as parallel to the facet.
@@ -147,10 +160,11 @@ def paint_labels(solid: Surface, labels: Sequence[Placement]) -> RenderMesh:
     return color_triangles(points, triangles, colors)
 
 
-def reading(die: FinishedDie) -> Sheet:
+def reading(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
     """Die at rest on a table, and the label to read, seen straight from outside.
 
-    The outcome is the most probable one of the target that is not blank.
+    The outcome is the most probable one of the target that is not blank; its facet has its color.
+    width: in inches.
     """
     assert die.engraved is not None
     assert die.reading is not None
@@ -163,7 +177,8 @@ def reading(die: FinishedDie) -> Sheet:
     pairs = zip(die.reading.places, die.engraved.placements, strict=True)
     labels = [placement for place, placement in pairs if place.outcome == face]
     if labels:
-        surface = paint_labels(die.engraved, labels)
+        color = outcome_colors(len(target.labels))[target.outcome_of_face[face]]
+        surface = paint_labels(die.engraved, labels, color)
         ups = [placement.frame[:3, 1] for placement in labels]
     else:
         surface = RenderMesh(die.engraved.points, die.engraved.triangles)
@@ -183,21 +198,26 @@ def reading(die: FinishedDie) -> Sheet:
     oblique, *straight = frame_cameras(
         cameras, [with_shadow(points, -down), *[points] * len(sides)]
     )
-    pictures = [render_on_table(surface, -down, oblique, PIXELS)]
-    pictures += [render(surface, camera, PIXELS) for camera in straight]
+    columns = max(MIN_COLUMNS, 1 + len(straight))
+    size = cell_pixels(width, columns)
+    pictures = [render_on_table(surface, -down, oblique, size)]
+    pictures += [render(surface, camera, size) for camera in straight]
     titles = ["at rest", *(title for title, _ in sides)]
-    sheet = picture_grid(pictures, titles, len(pictures), below=44.0)
-    sheet.text(die.reading.sentence, (sheet.width / 2.0, sheet.height - 28.0))
+    sentence = fold(die.reading.sentence, POINTS * width - 2.0 * GAP, BODY)
+    room = LINE * BODY * (sentence.count("\n") + 1) + GAP
+    sheet = picture_grid(pictures, titles, columns, width, below=room)
+    sheet.write(sentence, (sheet.width / 2.0, sheet.height - room), va="top")
     return sheet
 
 
 @with_style
-def faces(die: FinishedDie) -> Sheet:
-    """All faces of a die side by side at one scale, with the outlines of their labels, and a scale
-    bar in millimeters.
+def faces(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
+    """All faces of a die side by side at one scale in the colors of their outcomes, with their
+    labels, and a scale bar in millimeters.
 
     Faces with labels come first, in the order of the labels. Titles are a label with its
     probability, for one label on a face, or the probability of a rest that counts for no outcome.
+    Faces with several labels or none have the color of no outcome. width: in inches.
     """
     assert die.engraved is not None
     result, hull = die.result, die.engraved.core or die.plain.poses.hull
@@ -217,10 +237,13 @@ def faces(die: FinishedDie) -> Sheet:
         for facet in result.facets
         if facet.outcome is None
     }
+    color_of = dict(zip(result.labels, outcome_colors(len(result.labels)), strict=True))
+    colors: dict[int, str] = {}
     for facet, placements in labels.items():
         if len(placements) == 1:
             text = placements[0].text
             titles[facet] = f"{text}: {_percent(by_label[text])}"
+            colors[facet] = color_of[text]
     others = range(len(hull.normals) if len(hull.normals) <= MAX_FACES else 0)
     facets = list(dict.fromkeys([*labels, *others]))
     contours = [
@@ -228,28 +251,32 @@ def faces(die: FinishedDie) -> Sheet:
         for facet in facets
     ]
     extents = np.array([np.ptp(outline, axis=0) for outline, *_ in contours])
-    scale, gap, title_room = FACE_PIXELS / float(extents.max()), 26.0, 34.0
-    columns = min(max(FACE_COLUMNS, math.ceil(1.4 * math.sqrt(len(facets)))), len(facets))
+    most = max(FACE_COLUMNS, math.ceil(1.4 * math.sqrt(len(facets))))
+    columns = grid_columns(width, min(most, max(len(facets), 2)))
+    # Of the largest face; others have its scale.
+    side = (POINTS * width - GAP) / columns - GAP
+    scale, title_room = side / float(extents.max()), LINE * NOTE + 3.0
     heights = scale * np.maximum.reduceat(extents[:, 1], np.arange(0, len(facets), columns))
-    bottoms = np.cumsum(heights + title_room + gap)
-    sheet = Sheet(columns * (FACE_PIXELS + gap) + gap, bottoms[-1] + 3.0 * gap)
+    bottoms = np.cumsum(heights + title_room + GAP)
+    sheet = Sheet(POINTS * width, bottoms[-1] + 3.0 * GAP)
     for number, (facet, (outline, *cuts)) in enumerate(zip(facets, contours, strict=True)):
         row, column = divmod(number, columns)
-        x = gap + column * (FACE_PIXELS + gap) + FACE_PIXELS / 2.0
+        x = GAP + column * (side + GAP) + side / 2.0
         middle = np.array([x, bottoms[row] - heights[row] / 2.0])
-        above = (x, bottoms[row] - heights[row] - 8.0)
-        sheet.text(titles.get(facet, ""), above, size=NOTE, va="bottom")
+        above = (x, bottoms[row] - heights[row] - 3.0)
+        sheet.write(fold(titles.get(facet, ""), side, NOTE), above, size=NOTE, va="bottom")
         center = (outline.min(axis=0) + outline.max(axis=0)) / 2.0
-        for rings, color, width in (([outline], FACE_COLOR, 1.5), (cuts, DARK, 0.0)):
+        ground = colors.get(facet, BLANK)
+        for rings, color, line in (([outline], ground, 0.5), (cuts, text_color(ground), 0.0)):
             placed = [middle + scale * (ring - center) * (1.0, -1.0) for ring in rings]
             closed = [Path(np.vstack([ring, ring[:1]]), closed=True) for ring in placed]
             path = Path.make_compound_path(*closed)
-            patch = PathPatch(path, facecolor=color, edgecolor=FAINT, linewidth=width)
+            patch = PathPatch(path, facecolor=color, edgecolor=DARK, linewidth=line)
             sheet.drawing.add_patch(patch)
-    length = max((bar for bar in BARS_MM if bar * scale <= FACE_PIXELS), default=BARS_MM[0])
-    y, end = sheet.height - 1.5 * gap, gap + scale * length
-    sheet.drawing.plot([gap, end], [y, y], "|-", color=DARK, lw=2.0, ms=10.0, mew=2.0)
-    sheet.text(f"{length:g} mm", (end + 10.0, y), size=NOTE, ha="left")
+    length = max((bar for bar in BARS_MM if bar * scale <= side), default=BARS_MM[0])
+    y, end = sheet.height - 1.5 * GAP, GAP + scale * length
+    sheet.drawing.plot([GAP, end], [y, y], "|-", color=DARK, lw=0.8, ms=4.0, mew=0.8)
+    sheet.write(f"{length:g} mm", (end + 4.0, y), size=NOTE, ha="left")
     return sheet
 
 

@@ -14,8 +14,9 @@ from matplotlib.patches import Patch
 from dicedesign.fabricate.die import FinishedDie
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.geometry.triangles import edge_keys
-from dicedesign.palette import ACCENT, BASINS, FAINT, PALE, repeat, rgb
-from dicedesign.report.bar_charts import Bars, outcome_chart
+from dicedesign.palette import ACCENT, DARK, FAINT, PALE, outcome_colors, rgb
+from dicedesign.report.bar_charts import Bars, chart_height, outcome_chart
+from dicedesign.report.paper import COLUMN_WIDTH, GAP, POINTS
 from dicedesign.report.raster import (
     UP,
     Camera,
@@ -33,15 +34,28 @@ from dicedesign.report.renderer import (
     render_on_table,
     with_shadow,
 )
-from dicedesign.report.sheet import TITLE, Sheet, picture_grid, with_style
+from dicedesign.report.sheet import (
+    BODY,
+    LINE,
+    Sheet,
+    cell_pixels,
+    fold,
+    grid_columns,
+    key_height,
+    picture_grid,
+    with_style,
+)
 from dicedesign.runtime.arrays import Floats
 
 if TYPE_CHECKING:
     from dicedesign.balance.balanced import Balanced
     from dicedesign.geometry.surfaces.repair import RepairedMesh
 
-PIXELS = 400
-"""Side of a picture."""
+VIEWS = 3
+"""Number of viewpoints, side by side."""
+
+SCALE_ROOM = 30.0
+"""Height of the scale of a color map with its numbers and its name, in points."""
 
 FAULT = "#c0392b"
 """Color of edges that do not have two triangles."""
@@ -54,6 +68,9 @@ UNMARKED = (0.82, 0.80, 0.76)
 
 REST_COLUMNS = 4
 """Most outcomes in a row."""
+
+DOT = 0.018
+"""Radius of the dot at a center of mass, over the side of the picture."""
 
 
 @lru_cache(maxsize=1)
@@ -69,46 +86,54 @@ def shell_of(die: FinishedDie) -> RenderMesh:
     poses, outcomes = die.plain.poses, die.plain.outcomes.outcome_of_rest
     tints = np.full((len(poses.hull.normals), 3), np.nan)
     counted = outcomes >= 0
-    tints[poses.facets[counted]] = rgb(BASINS)[outcomes[counted] % len(BASINS)]
+    colors = rgb(outcome_colors(len(die.plain.target.labels)))
+    tints[poses.facets[counted]] = colors[outcomes[counted]]
     return color_facets(poses.hull, tints)
 
 
 def rows_of_views(
     surfaces: Mapping[str, RenderMesh],
     cameras: Sequence[Camera],
+    width: float,
     shell: RenderMesh | None = None,
     above: float = 0.0,
     below: float = 0.0,
 ) -> Sheet:
     """Sheet with a row of pictures for each surface.
 
-    surfaces: by the text before the numbers of the views; cameras: at least one; shell: glass
-    around the surfaces, or None; above, below: pixels left free for more.
+    surfaces: by the text before the numbers of the views; cameras: at least one; width: in inches;
+    shell: glass around the surfaces, or None; above, below: points left free for more.
     """
     views = [(name, camera) for name in surfaces for camera in cameras]
-    pictures = [render(surfaces[name], camera, PIXELS, shell) for name, camera in views]
+    size = cell_pixels(width, len(cameras))
+    pictures = [render(surfaces[name], camera, size, shell) for name, camera in views]
     titles = [f"{name}view {cameras.index(camera) + 1}" for name, camera in views]
-    return picture_grid(pictures, titles, len(cameras), above, below)
+    return picture_grid(pictures, titles, len(cameras), width, above, below)
 
 
-def before_after_figure(before: RenderMesh, after: RenderMesh, upward: Floats) -> Sheet:
-    """Surface before and after a change, from equal viewpoints; upward: (3,) in the pictures."""
+def before_after(
+    before: RenderMesh, after: RenderMesh, upward: Floats, *, width: float = COLUMN_WIDTH
+) -> Sheet:
+    """Surface before and after a change, from equal viewpoints.
+
+    upward: (3,) in the pictures; width: in inches.
+    """
     cameras = three_cameras(np.concatenate([before.points, after.points]), upward)
-    return rows_of_views({"before, ": before, "after, ": after}, cameras)
+    return rows_of_views({"before, ": before, "after, ": after}, cameras, width)
 
 
-def before_after(die: FinishedDie) -> Sheet:
-    """Surface before and after it was made into a die."""
+def reshaped(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
+    """Surface before and after it was made into a concave die. width: in inches."""
     assert die.reshaped is not None
-    before, after = die.reshaped.before, die.reshaped.after
-    surface = RenderMesh(before.points, after.triangles)
-    return before_after_figure(surface, replace(surface, points=after.points), die.upward)
+    start, end = die.reshaped.before, die.reshaped.after
+    surface = RenderMesh(start.points, end.triangles)
+    return before_after(surface, replace(surface, points=end.points), die.upward, width=width)
 
 
-def repair_figure(repaired: RepairedMesh, upward: Floats) -> Sheet:
+def repair(repaired: RepairedMesh, upward: Floats, *, width: float = COLUMN_WIDTH) -> Sheet:
     """Mesh before and after its repair; edges that do not have two triangles have red corners.
 
-    upward: (3,) in the pictures.
+    upward: (3,) in the pictures; width: in inches.
     """
     triangles, surface = repaired.triangles, repaired.surface
     _, edge, uses = np.unique(edge_keys(triangles), return_inverse=True, return_counts=True)
@@ -118,21 +143,16 @@ def repair_figure(repaired: RepairedMesh, upward: Floats) -> Sheet:
         colors[corners.ravel()[faulty]] = rgb([FAULT])
     plain = np.tile(MATERIAL, (len(surface.points), 1))
     before = RenderMesh(repaired.points, triangles, colors)
-    return before_after_figure(before, RenderMesh(surface.points, surface.triangles, plain), upward)
-
-
-def repair(die: FinishedDie) -> Sheet:
-    """Mesh of a die before and after its repair."""
-    assert die.repaired is not None
-    return repair_figure(die.repaired, die.upward)
+    after = RenderMesh(surface.points, surface.triangles, plain)
+    return before_after(before, after, upward, width=width)
 
 
 @with_style
-def displacement(die: FinishedDie) -> Sheet:
-    """Surface of a die after its deformation, colored by the displacement of its points.
+def displacement(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
+    """Surface of a concave die, colored by the displacement of its points.
 
     Displacements are in percent of the diagonal of the bounding box of the surface before; the mean
-    in the title is over the points.
+    in the title is over the points. width: in inches.
     """
     assert die.reshaped is not None
     before, after = die.reshaped.before.points, die.reshaped.after.points
@@ -145,55 +165,66 @@ def displacement(die: FinishedDie) -> Sheet:
 
     surface = RenderMesh(after, die.reshaped.after.triangles, to_colors(percent / top))
     cameras = three_cameras(np.concatenate([before, after]), die.upward)
-    sheet = rows_of_views({"after, ": surface}, cameras, above=42.0, below=105.0)
-    middle, upper = sheet.width / 2.0, sheet.height - 110.0
-    caption = (
-        f"displacement: mean {percent.mean():.2g} %, largest {percent.max():.2g} % of the diagonal"
+    caption = fold(
+        f"displacement: mean {percent.mean():.2g} %, largest {percent.max():.2g} % of the diagonal",
+        POINTS * width - 2.0 * GAP,
+        BODY,
     )
-    sheet.text(caption, (middle, 18.0), size=TITLE, va="top")
-    scale = sheet.axes(middle - 325.0, upper, middle + 325.0, upper + 24.0)
-    colors = to_colors(np.linspace(0.0, 1.0, 650))[None]
+    above = LINE * BODY * (caption.count("\n") + 1) + GAP
+    sheet = rows_of_views({"after, ": surface}, cameras, width, above=above, below=SCALE_ROOM)
+    middle, upper, half = sheet.width / 2.0, sheet.height - SCALE_ROOM, sheet.width / 4.0
+    sheet.write(caption, (middle, GAP), va="top")
+    scale = sheet.rectangle(middle - half, upper, middle + half, upper + 6.0)
+    colors = to_colors(np.linspace(0.0, 1.0, 256))[None]
     scale.imshow(colors, aspect="auto", extent=(0.0, top, 0.0, 1.0), interpolation="nearest")
     scale.set_yticks([])
-    scale.set_xlabel("displacement (% of the diagonal)")
+    scale.set_xlabel("displacement (% of the diagonal)", labelpad=1.0)
     return sheet
 
 
-def crossings(die: FinishedDie) -> Sheet:
-    """Surface of a die with the triangles that intersect others in red."""
+def crossings(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
+    """Surface of a concave die with the triangles that intersect others in red.
+
+    width: in inches.
+    """
     assert die.quality is not None
     assert die.reshaped is not None
     after, pairs = die.reshaped.after, die.quality.intersections
     colors = np.full(after.points.shape, UNMARKED)
     colors[np.unique(after.triangles[np.unique(pairs)])] = CROSSING
     surface = RenderMesh(after.points, after.triangles, colors)
-    return rows_of_views({"": surface}, three_cameras(after.points, die.upward))
+    return rows_of_views({"": surface}, three_cameras(after.points, die.upward), width)
 
 
 @with_style
-def hull(die: FinishedDie) -> Sheet:
-    """Die within its convex hull, on which the facets that it rests on are colored by outcome."""
-    labels, columns = die.result.labels, 10
-    below = 36.0 * -(-len(labels) // columns)
+def hull(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
+    """Die within its convex hull, on which the facets that it rests on are colored by outcome.
+
+    width: in inches.
+    """
+    labels = die.result.labels
+    colors = outcome_colors(len(labels))
+    keys = [
+        Patch(fc=color, ec=DARK, label=label) for color, label in zip(colors, labels, strict=True)
+    ]
+    below = key_height(keys, POINTS * width) + GAP
     cameras = three_cameras(die.plain.body.points, die.upward)
-    sheet = rows_of_views({"": surface_of(die)}, cameras, shell_of(die), below=below)
-    colors = repeat(BASINS, len(labels))
-    keys = [Patch(color=color, label=label) for color, label in zip(colors, labels, strict=True)]
-    place = (0.5, (below + 10.0) / sheet.height)
-    sheet.figure.legend(handles=keys, loc="upper center", bbox_to_anchor=place, ncols=columns)
+    sheet = rows_of_views({"": surface_of(die)}, cameras, width, shell_of(die), below=below)
+    sheet.add_key(keys, sheet.height - below)
     return sheet
 
 
-def rests(die: FinishedDie) -> Sheet:
+def rests(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
     """Die at rest on a table on each face, with its outcome's probability, above its underside.
 
-    The convex hull, with tinted rests, is drawn over the undersides.
+    The convex hull, with tinted rests, is drawn over the undersides. width: in inches.
     """
     assert die.reshaped is not None
     surface, outcomes, target = surface_of(die), die.plain.outcomes, die.plain.target
     labels, probabilities = target.face_labels, outcomes.probabilities[target.outcome_of_face]
-    count, columns = len(labels), min(REST_COLUMNS, len(labels))
-    size = PIXELS if columns < REST_COLUMNS else 300
+    # One or two pictures need not be as wide as the sheet.
+    count, columns = len(labels), grid_columns(width, max(VIEWS, min(REST_COLUMNS, len(labels))))
+    size = cell_pixels(width, columns)
     # A face without a rest is drawn in the pose that was meant for it.
     has_rest = (outcomes.main >= 0)[:, None]
     rest_normals = die.plain.poses.normals[outcomes.main]
@@ -218,7 +249,7 @@ def rests(die: FinishedDie) -> Sheet:
         for views, texts in ((lying, captions), (undersides, below)):
             pictures += views[row] + blank * [np.full_like(views[0], 255)]
             titles += texts[row] + blank * [""]
-    return picture_grid(pictures, titles, columns)
+    return picture_grid(pictures, titles, columns, width)
 
 
 def _level_view(points: Floats, up: Floats, front: Floats) -> Floats:
@@ -232,31 +263,39 @@ def _level_view(points: Floats, up: Floats, front: Floats) -> Floats:
     return np.asarray(np.cos(turn) * narrow + np.sin(turn) * long)
 
 
-def balance_figure(result: Balanced) -> Sheet:
+def balance(result: Balanced, *, width: float = COLUMN_WIDTH) -> Sheet:
     """Balanced body in its most probable poses before and now, and cut open through its center of
-    mass, below bars of the probabilities of the poses of the goal, at most ten."""
-    body = result.made.body.surface
+    mass, below bars of the probabilities of the poses of the goal, at most ten.
+
+    width: in inches.
+    """
+    body, size = result.made.body.surface, cell_pixels(width, VIEWS)
     moves = [poses.transforms[0] for poses in (result.poses_before, result.poses)]
     placed = [body.points @ move[:3, :3].T + move[:3, 3] for move in moves]
     cameras = frame_cameras([Camera(np.array([1.0, -0.7, 0.5]), UP)] * 2, placed)
     views = [
-        render(RenderMesh(points, body.triangles), camera, PIXELS)
+        render(RenderMesh(points, body.triangles), camera, size)
         for points, camera in zip(placed, cameras, strict=True)
     ]
     titles = ["before", "now", "cut open, and the center of mass"]
-    sheet = picture_grid([*views, _cut_open(result)], titles, 3, above=650.0)
+    above = chart_height(width) + GAP
+    sheet = picture_grid([*views, _cut_open(result, size)], titles, VIEWS, width, above=above)
     return outcome_chart(
         ["new" if number is None else str(number) for number in result.numbers[:10]],
-        [Bars("before", FAINT, result.before[:10]), Bars("now", ACCENT, result.probabilities[:10])],
+        [Bars("before", result.before[:10]), Bars("now", result.probabilities[:10])],
         title="probabilities before and now",
         x_label="pose, numbered by its probabilities before",
         target=None if result.wanted is None else result.wanted[:10],
+        width=width,
         sheet=sheet,
     )
 
 
-def _cut_open(result: Balanced) -> Picture:
-    """Picture of the body, cut through its centers of mass before and now, with a dot at each."""
+def _cut_open(result: Balanced, size: int) -> Picture:
+    """Picture of the body, cut through its centers of mass before and now, with a dot at each.
+
+    size: side in pixels.
+    """
     from dicedesign.geometry.meshes.manifold import solid
 
     balanced_solid, shift = result.made, result.center - result.center_before
@@ -278,10 +317,10 @@ def _cut_open(result: Balanced) -> Picture:
     cut = color_triangles(whole.reshape(-1, 3), triangles, np.concatenate(colors))
     camera = Camera(across + 0.15 * UP, UP)
     (camera,) = frame_cameras([camera], [balanced_solid.body.points])
-    picture = render(cut, camera, PIXELS)
+    picture = render(cut, camera, size)
     rows, columns = np.indices(picture.shape[:2]) + 0.5
     for center, dot in ((result.center_before, FAINT), (result.center, ACCENT)):
-        column, row, _ = camera.pixel_positions(center, PIXELS)
-        spot = np.hypot(rows - row, columns - column) <= 7.0
+        column, row, _ = camera.pixel_positions(center, size)
+        spot = np.hypot(rows - row, columns - column) <= DOT * size
         picture[spot] = np.rint(255.0 * rgb([dot])[0]).astype(np.uint8)
     return picture

@@ -7,8 +7,10 @@ relative, angles in degrees.
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 from dataclasses import dataclass, field
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -137,22 +139,6 @@ class Balance:
 
 
 @dataclass(frozen=True)
-class LabelSide:
-    """Side of the die from which a label is read.
-
-    Attributes
-    ----------
-    outcome: its label.
-    normal: (3,) unit direction from the die to the reader.
-    up: (3,) unit direction that is upward in the label, perpendicular to `normal`.
-    """
-
-    outcome: str
-    normal: Numbers
-    up: Numbers
-
-
-@dataclass(frozen=True)
 class Engraved:
     """Die with labels, rounded edges, or something inside.
 
@@ -161,7 +147,6 @@ class Engraved:
     probabilities, elsewhere, max_abs_error: as in `Result`, of die.stl; None if the center of mass
         was given without `inside`, as the effect of marks on it is then unknown.
     reading: how to read the labels, in a sentence.
-    sides: of the labels on facets, in the order of the outcomes; an outcome can have several.
     balance: adjustment to the target.
     """
 
@@ -169,7 +154,6 @@ class Engraved:
     elsewhere: float | None = None
     max_abs_error: float | None = None
     reading: str | None = None
-    sides: tuple[LabelSide, ...] = ()
     balance: Balance | None = None
 
 
@@ -407,6 +391,20 @@ class Result:
                 "designed; write it with its report(folder)"
             )
         return (self.folder or Path()) / self.files["die_plain"]
+
+    def history_csv(self) -> str:
+        """CSV of the history: a row for each accepted step, with columns step, seconds, stage,
+        attempt, energy and max_abs_error, and one for each term of the energy. What is unknown is
+        empty; numbers are exact."""
+        names = dict.fromkeys(name for step in self.history for name in step.terms)
+        columns = ("step", "seconds", "stage", "attempt", "energy", "max_abs_error")
+        text = StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow([*columns, *names])
+        for step in self.history:
+            terms = (step.terms.get(name) for name in names)
+            writer.writerow([*(getattr(step, name) for name in columns), *terms])
+        return text.getvalue()
 
     def without_clock(self) -> Result:
         """Copy without run times, so that equal runs compare equal."""

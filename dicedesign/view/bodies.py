@@ -41,11 +41,11 @@ MAX_DRAGGED_CORNERS = 2000
 MIN_LABEL_PROBABILITY = 0.008
 """Probability from which on a basin has its label in the map."""
 
-LABEL_PIXELS = 32.0
-"""Height of the labels in the map."""
+MAP_LABEL_SIZE = 11.5
+"""Font size of the labels in the map, in its points."""
 
-EDGE_PIXELS = 4.0
-"""Margin around a half of the map."""
+MAP_EDGE = 1.4
+"""Margin around a half of the map, in its points."""
 
 
 class Bodies:
@@ -137,8 +137,10 @@ class Bodies:
 
 
 def _describe(viewed: ViewedBody, mesh: CodedMesh | None) -> dict[str, Any]:
-    """Data of a body: mesh about the center of mass, rows and facts. mesh: of a die, or
-    None to color the resting facets of the body."""
+    """Data of a body for the page: mesh about the center of mass, rows and facts.
+
+    mesh: of a die, or None to color the resting facets.
+    """
     body, hull, poses = viewed.shape.body, viewed.hull, viewed.poses
     rows = viewed.rows[:MAX_ROWS]
     if mesh is None or viewed.is_dragged:
@@ -195,26 +197,27 @@ def _map_svg(viewed: ViewedBody) -> str:
     for number, (disc, outlines) in enumerate(basin_outlines(poses)):
         x, y = disc.middle
         circle = f'cx="{x:g}" cy="{y:g}" r="{RADIUS:g}"'
-        corner, side = disc.middle - RADIUS - EDGE_PIXELS, 2.0 * (RADIUS + EDGE_PIXELS)
+        corner, side = disc.middle - RADIUS - MAP_EDGE, 2.0 * (RADIUS + MAP_EDGE)
         parts = [
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{corner[0]:g} {corner[1]:g} '
             f'{side:g} {side:g}" role="img" aria-label="Half {number + 1} of the Gauss map">',
             f'<clipPath id="disc{number}"><circle {circle}/></clipPath>',
-            f'<g clip-path="url(#disc{number})" stroke="{INK}" stroke-width="2">',
+            f'<g clip-path="url(#disc{number})" stroke="{INK}" stroke-width="0.7">',
         ]
         for row, rings in zip(rows, outlines, strict=True):
             path = "".join(
-                "M" + "L".join(f"{px:.1f} {py:.1f}" for px, py in ring) + "Z" for ring in rings
+                "M" + "L".join(f"{px:.2f} {py:.2f}" for px, py in ring) + "Z" for ring in rings
             )
             if path:
                 parts.append(f'<path fill="{colors[row]}" fill-rule="evenodd" d="{path}"/>')
-        parts.append(f'</g><circle {circle} fill="none" stroke="{INK}" stroke-width="3"/>')
+        parts.append(f'</g><circle {circle} fill="none" stroke="{INK}" stroke-width="1.1"/>')
         for row, normal, probability in zip(rows, poses.normals, poses.probabilities, strict=True):
             if probability < MIN_LABEL_PROBABILITY or disc.heights(normal) <= 0.0:
                 continue
             px, py = disc.to_paper(disc.project(normal))
+            py += 0.36 * MAP_LABEL_SIZE
             parts.append(
-                f'<text x="{px:.1f}" y="{py + 0.36 * LABEL_PIXELS:.1f}" font-size="{LABEL_PIXELS}" '
+                f'<text x="{px:.1f}" y="{py:.1f}" font-size="{MAP_LABEL_SIZE}" '
                 f'font-weight="700" text-anchor="middle" fill="{text_color(colors[row])}">'
                 f"{escape(viewed.rows[row].label)}</text>"
             )

@@ -14,7 +14,6 @@ import numpy as np
 
 from dicedesign.errors import check_whole
 from dicedesign.palette import outcome_colors, text_color
-from dicedesign.results.parts import READINGS
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.goodness_of_fit import ADVICE, RollVerdict
@@ -122,6 +121,7 @@ class RollsPage:
 def _face_pictures(die: Result) -> Iterator[tuple[str, str]]:
     """Yield outcomes with PNG pictures, as URLs, of the die from the side where each is read."""
     from dicedesign.geometry.meshes.reading import read_body
+    from dicedesign.report.colored_die import reading_sides
     from dicedesign.report.raster import Camera, frame_cameras
     from dicedesign.report.renderer import RenderMesh
 
@@ -129,14 +129,10 @@ def _face_pictures(die: Result) -> Iterator[tuple[str, str]]:
     body = read_body(die.folder / die.files.get("die", die.files["die_plain"]))
     assert body.triangles is not None
     cameras: dict[str, Camera] = {}
-    for side in die.engraved.sides if die.engraved is not None else ():
-        cameras.setdefault(side.outcome, Camera(np.array(side.normal), np.array(side.up)))
-    # Without labels on facets: the side that is up, or the facet on the table.
-    reading = die.engraved and die.engraved.reading
-    sign = 1.0 if reading in (None, READINGS["down"]) else -1.0
-    for outcome, normal in die.outcome_normals:
-        up = np.eye(3)[np.argmin(np.abs(normal))]
-        cameras.setdefault(outcome, Camera(sign * normal, up))
+    for facet, side in zip(die.facets, reading_sides(die), strict=True):
+        if facet.outcome is not None:
+            up = np.array(facet.upright or np.eye(3)[np.argmin(np.abs(side))])
+            cameras.setdefault(facet.outcome, Camera(side, up))
     surface = RenderMesh(body.points, body.triangles, smooth=die.concave is not None)
     framed = frame_cameras(list(cameras.values()), [body.points] * len(cameras))
     for outcome, camera in zip(cameras, framed, strict=True):

@@ -1,23 +1,47 @@
-"""Measure figures by their pixels and by the content of their axes."""
+"""Measure figures by their pixels, their texts and the content of their axes."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from dicedesign.palette import rgb
-from dicedesign.report.sheet import Sheet
+from dicedesign.report.raster import decode_png
+from dicedesign.report.sheet import Sheet, figure_bytes
 
 
-def color_mask(sheet: Sheet, color: str) -> np.ndarray:
+def pixels(figure: Figure) -> np.ndarray:
+    """Picture (h, w, 3) of a figure."""
+    return decode_png(figure_bytes(figure, ".png"))
+
+
+def written(figure: Figure) -> list[Text]:
+    """Visible texts of a figure, without tick labels."""
+    texts = [one for one in figure.findobj(Text) if isinstance(one, Text)]
+    return [text for text in texts if text.get_text() and text.get_visible()]
+
+
+def words(figure: Figure) -> list[str]:
+    """What is written on a figure, with line breaks as spaces."""
+    return [text.get_text().replace("\n", " ") for text in written(figure)]
+
+
+def pictures(sheet: Sheet) -> list[np.ndarray]:
+    """Pictures pasted on a sheet, in their order."""
+    return [np.asarray(image.get_array()) for image in sheet.drawing.images]
+
+
+def color_mask(figure: Figure, color: str) -> np.ndarray:
     """(h, w) mask of the pixels of a color."""
     expected = np.rint(255.0 * rgb([color])[0])
-    return (np.abs(sheet.pixels() - expected) <= 2).all(axis=2)
+    return (np.abs(pixels(figure) - expected) <= 2).all(axis=2)
 
 
-def is_whole(sheet: Sheet) -> bool:
+def is_whole(figure: Figure) -> bool:
     """Whether the drawing stays clear of the borders."""
-    ink = (sheet.pixels() < 250).any(axis=2)
+    ink = (pixels(figure) < 250).any(axis=2)
     return not (ink[[0, -1]].any() or ink[:, [0, -1]].any()) and bool(ink.any())
 
 

@@ -47,7 +47,7 @@ REGISTRIES = {
     "printers": "dicedesign.fabricate.printers:PRINTERS",
     "stages": "dicedesign.recipe.pipeline:STAGES",
     "figures": "dicedesign.report.figures:FIGURES",
-    "kinds of figures": "dicedesign.report.figures:BODY_FIGURES",
+    "kinds of figures": "dicedesign.report.body_figures:BODY_FIGURES",
 }
 """Address "module:attribute" of the registry of each table."""
 

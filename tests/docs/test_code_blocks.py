@@ -147,7 +147,7 @@ def registries() -> Iterator[None]:
 @pytest.mark.parametrize("path", parts((path.stem, path) for path in EXAMPLES))
 def test_examples_run(path: Path, registries: None, monkeypatch: pytest.MonkeyPatch) -> None:
     modules = set(re.findall(r"^\s*(?:from|import) (dicedesign[\w.]*)", path.read_text(), re.M))
-    names = ("compat", "energies", "extensions", "methods", "starts")
+    names = ("compat", "energies", "extensions", "figures", "methods", "starts")
     assert modules <= {"dicedesign", *(f"dicedesign.{name}" for name in names)}
     monkeypatch.setattr(sys, "argv", [str(path)])
     runpy.run_path(str(path), run_name="__main__")

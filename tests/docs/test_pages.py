@@ -117,7 +117,7 @@ def test_signatures_are_those_of_the_code(repository: Path) -> None:
 def test_every_public_name_is_in_the_api_reference() -> None:
     listed = (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
     names = set(re.findall(r"^::: dicedesign\.(\w+)$", listed, re.MULTILINE))
-    modules = {"energies", "methods", "starts", "extensions"}
+    modules = {"energies", "methods", "starts", "figures", "extensions"}
     assert names == set(dicedesign.__all__) - modules - {"__version__"}
 
 

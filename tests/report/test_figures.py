@@ -11,41 +11,47 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from common.drawings import pixels, words
 from common.finished import finished_box, page_text
 from common.parsed_html import parse_page
 from common.paths import ROOT
 
 import dicedesign as dd
+from dicedesign.palette import outcome_colors
 from dicedesign.report.figures import FIGURES, Figure, figure_files
+from dicedesign.report.paper import DPI
 from dicedesign.report.raster import decode_png, encode_png
-from dicedesign.report.sheet import Sheet, picture_grid
+from dicedesign.report.sheet import Sheet, figure_bytes, picture_grid
 
 
-def test_a_png_repeats_and_has_no_metadata() -> None:
+def test_files_repeat_and_have_no_metadata() -> None:
     def draw() -> Sheet:
-        sheet = Sheet(200, 100)
-        sheet.text("$no formula \u4e09", (100.0, 20.0), color="red")
+        sheet = Sheet(200.0, 100.0)
+        sheet.write("$no formula \u4e09", (100.0, 20.0), color="red")
         return sheet
 
-    data = draw().png()
-    assert data == draw().png()
+    for ending in (".pdf", ".svg"):
+        assert figure_bytes(draw(), ending) == figure_bytes(draw(), ending)
+    data = figure_bytes(draw(), ".PNG")
+    assert data == figure_bytes(draw(), ".png")
     assert b"tEXt" not in data
     assert b"tIME" not in data
-    assert decode_png(data).shape == (100, 200, 3)
-    np.testing.assert_array_equal(decode_png(encode_png(decode_png(data))), draw().pixels())
+    assert decode_png(data).shape == (417, 834, 3)
+    np.testing.assert_array_equal(decode_png(encode_png(decode_png(data))), pixels(draw()))
 
 
 def test_pictures_of_a_grid_are_drawn_pixel_for_pixel() -> None:
     rng = np.random.default_rng(2)
     heights = [40, 40, 90, 90]
     noise = [rng.integers(0, 255, (h, 60, 3)).astype(np.uint8) for h in heights]
-    sheet = picture_grid(noise, ["a", "b", "c", ""], 2, above=30, below=45)
-    pixels = sheet.pixels()
-    for picture, left in zip(noise, (24, 108, 24, 108), strict=True):
-        (top,) = np.flatnonzero((pixels[:, left : left + 60] == picture[0]).all(axis=(1, 2)))
-        np.testing.assert_array_equal(pixels[top : top + len(picture), left : left + 60], picture)
-    assert (pixels[-45:] == 255).all()
-    assert sheet.texts == ["a", "b", "c"]
+    # Three gaps of 25 pixels.
+    sheet = picture_grid(noise, ["a", "b", "c", ""], 2, 195 / DPI, above=12.0, below=24.0)
+    drawn = pixels(sheet)
+    for picture, left in zip(noise, (25, 110, 25, 110), strict=True):
+        (top,) = np.flatnonzero((drawn[:, left : left + 60] == picture[0]).all(axis=(1, 2)))
+        np.testing.assert_array_equal(drawn[top : top + len(picture), left : left + 60], picture)
+    assert (drawn[-100:] == 255).all()
+    assert words(sheet) == ["a", "b", "c"]
 
 
 @pytest.fixture
@@ -96,6 +102,7 @@ def test_poses_show_their_hull_and_probabilities() -> None:
     html = poses._repr_html_()
     shown = [float(cell.rstrip("%")) / 100 for cell in cells(html)[1::3]]
     np.testing.assert_allclose(shown, poses.probabilities, atol=1e-6)
+    assert re.findall(r"border-left: 1em solid (#\w+)", html) == outcome_colors(6)
     assert "<iframe" in html
     assert "6 rests" in repr(poses)
 
