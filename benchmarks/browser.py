@@ -29,9 +29,6 @@ ARGUMENTS = (
 )
 """English, and WebGL without a graphics card."""
 
-PATIENCE_MS = 90_000.0
-"""Timeout in milliseconds, for a busy machine without a graphics card."""
-
 
 def missing_browser() -> str | None:
     """Name of a missing requirement, or None."""
