@@ -11,18 +11,19 @@ from __future__ import annotations
 import argparse
 import io
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import cached_property, partial
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from PIL import Image
+from PIL import Image, ImageOps
 
 from benchmarks.browser import headless_browser, missing_browser, served_app
 from benchmarks.frame import RECORDED, Report, make_die, processes
+from benchmarks.screenshots import LAPTOP, PHONE, STEPS, open_page, screenshot, take_steps
 from dicedesign import InputError, Recipe, read_recipe
 from dicedesign.recipe.output import die_contents
 from dicedesign.recipe.pipeline import run as run_recipe
@@ -35,7 +36,7 @@ from dicedesign.throws.goodness_of_fit import judge_rolls
 from dicedesign.throws.roll_log import RollLog
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser
 
 ROOT = RECORDED.parents[1]
 
@@ -66,33 +67,20 @@ COUNT, SEED = 60, 3
 WIDTH = 1000
 """Width of figures in pixels: that of a page."""
 
-CELL, COLUMNS, CELL_GAP = 170, 8, 24
+CELL, CELL_GAP, COLUMNS = 170, 24, 8
 """Side in pixels of a die in a sheet, gap between two, and dice in a row."""
 
 SHEET_GAP = 16
 """Pixels between pictures of pages."""
 
-STEP_WIDTH, PHONE_HEIGHT = 640, 563
-"""Width in pixels of a step in the sheet of steps, and height of one on a phone."""
+STEP_SIZE = (492, 308)
+"""Size in pixels of a step in the sheet of steps."""
 
-LAPTOP, PHONE = (1280, 800), (390, 844)
-"""Sizes in pixels of the window."""
+PHONE_HEIGHT, BOTH_HEIGHT = 480, 520
+"""Heights in pixels of the steps on a phone, and of a page on a laptop beside that on a phone."""
 
-STEPS = ("roll", "pick", "dress", "try", "take", "experts")
-"""Steps of the page of `dicedesign view`, and its part for experts."""
-
-PATIENCE_MS = 600_000.0
-"""Timeout in milliseconds: a busy machine designs six dice in minutes."""
-
-SETTLE_MS = 1500.0
-"""Milliseconds in which the page draws the die anew."""
-
-SEEDED = "let seed = 5; Math.random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;"
-"""Random numbers of pages, which are seeds of throws: minimal standard generator by S. K. Park and
-K. W. Miller (1988)."""
-
-COLORS, SCREEN_COLORS = 96, 128
-"""Numbers of colors of drawings and of pictures of pages; more make files larger."""
+COLORS = 255
+"""Number of colors of a picture."""
 
 ImageMaker = Callable[["Studio"], Image.Image]
 
@@ -102,7 +90,8 @@ class Studio:
 
     Attributes
     ----------
-    folder: for files, not kept. jobs: processes. is_quick: fewer dice. errors: of scripts of pages.
+    folder: for files, not kept. jobs: processes. is_quick: fewer dice.
+    errors: dice that miss their targets, and errors of scripts of pages.
     """
 
     def __init__(self, folder: Path, jobs: int, is_quick: bool, ends: ExitStack) -> None:
@@ -111,11 +100,15 @@ class Studio:
         self._ends = ends
         self._walks: dict[tuple[int, int], list[Image.Image]] = {}
 
-    def make_dice(self, recipes: Sequence[Recipe]) -> list[tuple[Image.Image, bytes]]:
-        """Pictures and STL files of engraved dice."""
+    def make_dice(
+        self, recipes: Sequence[Recipe], *, enlarge: bool = False
+    ) -> list[tuple[Image.Image, bytes]]:
+        """Pictures and STL files of engraved dice. enlarge: see `make_die`."""
+        make = partial(make_one, enlarge=enlarge)
         with processes(self.jobs) as workers:
-            done = list(workers.map(make_one, recipes[: 2 if self.is_quick else None]))
-        return [(Image.open(io.BytesIO(picture)), solid) for picture, solid in done]
+            done = list(workers.map(make, recipes[: 2 if self.is_quick else None]))
+        self.errors += [error for *_, error in done if error]
+        return [(Image.open(io.BytesIO(picture)), solid) for picture, solid, _ in done]
 
     @cached_property
     def shipped(self) -> list[tuple[Image.Image, bytes]]:
@@ -129,32 +122,18 @@ class Studio:
         """Folder with all files of a die. name: of a recipe, or `COIN`."""
         folder = self.folder / name
         if not folder.exists():
-            if name == COIN:
-                run_recipe(wish(COIN_TARGET, COIN_LABELS, COIN), folder, enlarge=True)
-            else:
-                run_recipe(ROOT / "recipes" / f"{name}.yaml", folder)
+            is_coin = name == COIN
+            recipe = ROOT / "recipes" / f"{name}.yaml"
+            given = wish(COIN_TARGET, COIN_LABELS, COIN) if is_coin else read_recipe(recipe)
+            result = run_recipe(given, folder, enlarge=is_coin)
+            if not result.converged:
+                self.errors.append(f"{name}: {result.message}")
         return folder
 
     @cached_property
     def browser(self) -> Browser:
         """Chromium, until the end of the bench."""
         return self._ends.enter_context(headless_browser())
-
-    @contextmanager
-    def open(self, address: str, size: tuple[int, int]) -> Iterator[Page]:
-        """Open a page in a window of a size in pixels, without motion."""
-        context = self.browser.new_context(
-            viewport={"width": size[0], "height": size[1]},
-            color_scheme="light",
-            reduced_motion="reduce",
-        )
-        context.set_default_timeout(PATIENCE_MS)
-        context.add_init_script(SEEDED)
-        page = context.new_page()
-        page.on("pageerror", lambda error: self.errors.append(f"{address}: {error}"))
-        page.goto(address)
-        yield page
-        context.close()
 
     def walk(self, size: tuple[int, int]) -> list[Image.Image]:
         """Pictures of `STEPS` in a window of a size in pixels."""
@@ -164,7 +143,7 @@ class Studio:
 
             with (
                 served_app(partial(make_page, None)) as gate,
-                self.open(gate.address, size) as page,
+                open_page(self.browser, gate.address, size, self.errors) as page,
             ):
                 self._walks[size] = list(islice(take_steps(page), 1 if self.is_quick else None))
         return self._walks[size]
@@ -175,52 +154,13 @@ def wish(target: str, labels: str | None, name: str) -> Recipe:
     return parse_recipe({"name": name, "target": parse_target(target, labels)})
 
 
-def make_one(recipe: Recipe) -> tuple[bytes, bytes]:
-    """Picture (WebP) and STL file of an engraved die. Raises RuntimeError if it misses its
-    target."""
-    work = make_die(recipe, last="engrave", enlarge="size_mm" not in recipe.model_fields_set)
+def make_one(recipe: Recipe, enlarge: bool) -> tuple[bytes, bytes, str]:
+    """Picture (WebP) and STL file of an engraved die, and a message if it misses its target."""
+    work = make_die(recipe, last="engrave", enlarge=enlarge)
     result = work.result()
-    if not result.converged:
-        raise RuntimeError(f"{recipe.name}: {result.message}")
-    parts = color_parts(die_contents(work).parts, result)
-    return die_picture(parts, result, 2 * CELL), work.files["die.stl"]
-
-
-def take_steps(page: Page) -> Iterator[Image.Image]:
-    """Go through `STEPS` as a person does."""
-
-    def picture() -> Image.Image:
-        page.mouse.move(0.0, 0.0)
-        page.wait_for_timeout(SETTLE_MS)
-        return screenshot(page)
-
-    page.wait_for_selector("#caption:not(:empty)")
-    yield picture()
-    page.click("#next:not([disabled])")
-    page.wait_for_selector(".candidate")
-    page.wait_for_selector("#progress", state="hidden")
-    yield picture()
-    page.click("#next:not([disabled])")
-    page.check('[name="labels"][value="icons"]', force=True)
-    page.wait_for_selector("#print-verdict.ok")
-    yield picture()
-    page.click("#next:not([disabled])")
-    page.click("#throw-many:not([disabled])")
-    page.wait_for_selector("#tally-verdict.ok")
-    yield picture()
-    page.click("#next:not([disabled])")
-    page.wait_for_selector("#take-verdict.ok")
-    yield picture()
-    page.click("#experts")
-    page.wait_for_selector("#body-verdict.ok")
-    page.click("#body-map")
-    page.wait_for_selector("#map:not([hidden]) svg path")
-    yield picture()
-
-
-def screenshot(page: Page) -> Image.Image:
-    """What a window shows."""
-    return Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_MS)))
+    picture = die_picture(color_parts(die_contents(work).parts, result), result, 2 * CELL)
+    error = "" if result.converged else f"{recipe.name}: {result.message}"
+    return picture, work.files["die.stl"], error
 
 
 def lay_out(
@@ -259,13 +199,14 @@ def join(pictures: Sequence[Image.Image], height: int) -> Image.Image:
 
 def dice_sheet(dice: Sequence[tuple[Image.Image, bytes]]) -> Image.Image:
     """Colored dice in rows."""
-    return lay_out([picture for picture, _ in dice], COLUMNS, CELL, CELL, CELL_GAP)
+    sheet = lay_out([picture for picture, _ in dice], COLUMNS, CELL, CELL, CELL_GAP)
+    return ImageOps.expand(sheet, CELL_GAP // 2, "white")
 
 
 def designed(studio: Studio) -> Image.Image:
     """Dice that `dicedesign design` makes."""
     recipes = [wish(text, NAMED.get(text), f"die_{k}") for k, text in enumerate(WISHES)]
-    return dice_sheet(studio.make_dice(recipes))
+    return dice_sheet(studio.make_dice(recipes, enlarge=True))
 
 
 def room(studio: Studio) -> Image.Image:
@@ -296,8 +237,7 @@ def step(name: str) -> ImageMaker:
 
 def page_sheet(studio: Studio) -> Image.Image:
     """All steps on a laptop."""
-    height = STEP_WIDTH * LAPTOP[1] // LAPTOP[0]
-    return lay_out(studio.walk(LAPTOP), 2, STEP_WIDTH, height)
+    return lay_out(studio.walk(LAPTOP), 2, *STEP_SIZE)
 
 
 def phone_strip(studio: Studio) -> Image.Image:
@@ -309,11 +249,10 @@ def on_both(studio: Studio, address: str, ready: str) -> Image.Image:
     """A page on a laptop and on a phone, when something that a selector names is there."""
     shots = []
     for size in (LAPTOP, PHONE):
-        with studio.open(address, size) as page:
+        with open_page(studio.browser, address, size, studio.errors) as page:
             page.wait_for_selector(ready)
-            page.wait_for_timeout(SETTLE_MS)
             shots.append(screenshot(page))
-    return join(shots, LAPTOP[1])
+    return join(shots, BOTH_HEIGHT)
 
 
 def report_page(studio: Studio) -> Image.Image:
@@ -362,9 +301,6 @@ QUICK = ("dice", "room", "gauss_map", "report", "page")
 PAGES = frozenset(name for name in PICTURES if name.startswith(("page", "report", "rolls")))
 """Pictures of pages, which need a browser."""
 
-DRAWINGS = frozenset({"views", "faces", "gauss_map", "bars", "convergence", "table"})
-"""Pictures of few colors."""
-
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Which pictures are made."""
@@ -395,7 +331,7 @@ def chosen_names(options: argparse.Namespace, report: Report) -> list[str]:
 
 
 def run(options: argparse.Namespace, report: Report) -> bool:
-    """Whether no script of a page failed."""
+    """Whether all dice meet their targets and no script of a page failed."""
     names = chosen_names(options, report)
     target = options.out or (None if options.quick else GALLERY)
     row = report.table("pictures", "picture 20s | width 5d | height 6d | kB 5.0f | s 6.1f")
@@ -404,7 +340,7 @@ def run(options: argparse.Namespace, report: Report) -> bool:
         for name in names:
             start = time.perf_counter()
             picture = PICTURES[name](studio)
-            data = encode(picture, COLORS if name in DRAWINGS else SCREEN_COLORS)
+            data = encode(picture)
             if target is not None:
                 target.mkdir(parents=True, exist_ok=True)
                 (target / f"{name}.png").write_bytes(data)
@@ -414,8 +350,9 @@ def run(options: argparse.Namespace, report: Report) -> bool:
     return not studio.errors
 
 
-def encode(picture: Image.Image, colors: int) -> bytes:
-    """PNG file of few colors, which keeps the repository small."""
+def encode(picture: Image.Image) -> bytes:
+    """PNG file with a palette, which keeps the repository small. Small areas keep their colors."""
     buffer = io.BytesIO()
-    picture.convert("RGB").quantize(colors).save(buffer, "PNG", optimize=True)
+    reduced = picture.convert("RGB").quantize(COLORS, Image.Quantize.MAXCOVERAGE, kmeans=1)
+    reduced.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
