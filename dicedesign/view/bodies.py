@@ -147,7 +147,7 @@ def _describe(viewed: ViewedBody, mesh: CodedMesh | None) -> dict[str, Any]:
         mesh = body_mesh(viewed, MAX_ROWS)
     others = float(sum(row.probability for row in viewed.rows[MAX_ROWS:]))
     errors = [abs(row.probability - row.target) for row in viewed.rows if row.target is not None]
-    kind = "points"
+    kind = f"{len(body.points):,} points"
     if body.triangles is not None:
         kind = "the dragged hull" if viewed.is_dragged else f"{len(body.triangles):,} triangles"
     margins, colors = np.degrees(poses.margins), _row_colors(viewed)

@@ -131,3 +131,11 @@ def test_bodies_are_thrown(bodies: Bodies, box: dict[str, Any], table: str | Non
         assert np.abs(counts / 500 - expected).sum() / 2.0 < 0.1
     else:
         assert chi_square(counts, expected).p_value > 1e-3
+
+
+def test_a_cloud_of_points_is_counted(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.xyz"
+    np.savetxt(path, np.random.default_rng(0).normal(size=(50, 3)))
+    body = Bodies(Shop(), open_source(path)).open({"name": "cloud.xyz"})
+    assert body["kind"] == "50 points"
+    assert body["corners"] == len(corners_of(body)) < 50

@@ -30,6 +30,19 @@ def check_die_is_large(opened: DiePage) -> None:
     assert abs(left + right - 1.0) < 0.25
 
 
+def check_nothing_overlaps(opened: DiePage) -> None:
+    """Brand, steps, tools, panel and caption are beside each other."""
+    names = (".brand", "#steps", ".tools", "#title", "#body", ".foot", "#caption")
+    boxes = [opened.page.locator(name).bounding_box() for name in names]
+    for k, a in enumerate(boxes):
+        assert a is not None
+        for b in boxes[:k]:
+            assert b is not None
+            width = min(a["x"] + a["width"], b["x"] + b["width"]) - max(a["x"], b["x"])
+            height = min(a["y"] + a["height"], b["y"] + b["height"]) - max(a["y"], b["y"])
+            assert min(width, height) <= 0.5, (a, b)
+
+
 @compiled_only
 @pytest.mark.parametrize("name", SIZES)
 def test_the_way_to_a_file(open_page: Open, tmp_path: Path, name: str) -> None:
@@ -38,6 +51,7 @@ def test_the_way_to_a_file(open_page: Open, tmp_path: Path, name: str) -> None:
     page = opened.page
     check_die_is_large(opened)
     opened.check_looks()
+    check_nothing_overlaps(opened)
     page.fill("#target", "25%, 25%, 20%")
     page.press("#target", "Enter")
     error = page.wait_for_selector("#target-error:not([hidden])")
