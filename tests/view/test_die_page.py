@@ -44,7 +44,9 @@ def check_nothing_overlaps(opened: DiePage) -> None:
 
 
 @compiled_only
-@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize(
+    "name", ["laptop", "phone", pytest.param("desktop", marks=pytest.mark.full)]
+)
 def test_the_way_to_a_file(open_page: Open, tmp_path: Path, name: str) -> None:
     """Type, pick, dress, try, take; each step looks right, and the file has the probabilities."""
     opened = open_page(size=SIZES[name], dark=name == "desktop")
