@@ -6,7 +6,7 @@ const OFF = 5e-4; // Probability from which a change is worth a sentence.
 const points = (p) => `${(100 * p).toPrecision(2).replace(/\.?0+$/, '')} percentage point${p === 0.01 ? '' : 's'}`;
 
 export class Experts {
-  /** page: `query` of the die in view, `hasDie`, and `leave`. */
+  /** page: `query` of the die in view, and `hasDie`. */
   constructor(stage, start, page) {
     Object.assign(this, { stage, start, page, body: start.body, first: start.body, drag: 'nothing', latest: takeLatest(), thrown: null, counts: null });
     this.choices = [['nothing', 'Nothing'], ['center', 'Center'], ['corner', 'Corner'], ['facet', 'Facet']];
@@ -152,7 +152,7 @@ export class Experts {
   }
 
   typeCenter() {
-    const center = [...'xyz'].map((axis) => Number($(`center-${axis}`).value.replace(',', '.')));
+    const center = [...'xyz'].map((axis) => Number($(`center-${axis}`).value.trim().replace(',', '.') || NaN));
     const isNumber = center.every(Number.isFinite);
     $('center-error').textContent = 'Write three numbers, in the unit of the mesh.';
     $('center-error').hidden = isNumber;
@@ -219,7 +219,7 @@ export class Experts {
       const { next } = held;
       held.next = null;
       try {
-        this.accept(await postJson('/body/change', next));
+        this.accept(await postJson('/body/change', next, { signal: this.latest() }));
       } catch (error) {
         this.fail(error);
       }

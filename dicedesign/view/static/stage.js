@@ -279,6 +279,11 @@ export class Stage {
 
   /** Length scale on the table, as long as the die. */
   drawRuler(size, color) {
+    for (const { geometry, material } of this.ruler.children) {
+      material.map?.dispose();
+      material.dispose();
+      geometry.dispose();
+    }
     this.ruler.clear();
     const material = new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.75, toneMapped: false });
     const bar = (width, height, x) => {
