@@ -66,7 +66,8 @@ function go(step) {
     $('next').textContent = NEXT[step];
     if (wasExpert) {
       experts.exit();
-      showDie();
+      if (S.target) showDie();
+      else begin();
     }
     if (S.dressed && !wasExpert && S.model) stage.stand(S.model.rests[S.model.show].down, 0.45);
     ({ roll: drawTarget, pick: drawCards, dress: drawDress, try: drawTry, take: drawTake })[step]();
@@ -340,7 +341,7 @@ function showDie(isSame = false) {
   if (!S.model || S.step === 'experts') return;
   $('view').classList.remove('is-busy');
   showColors();
-  stage.show(S.model, { isSame });
+  stage.show(S.model, { moved: isSame ? [0, 0, 0] : null });
   stage.drawRuler(S.dressed.size_mm, getComputedStyle(document.body).color);
   stage.ruler.visible = S.step === 'dress';
   const { faces } = S.cards.find((card) => card.id === S.die) ?? {};
@@ -540,11 +541,13 @@ followTheme($('theme'), (isDark) => {
   stage.setDark(isDark);
   if (S.dressed) stage.drawRuler(S.dressed.size_mm, getComputedStyle(document.body).color);
 });
-if (start.body) go('experts');
-else {
+/** Show the first example. */
+async function begin() {
   $('target').value = start.examples[0];
-  go('roll');
   await readTarget();
   if (S.target) find(1);
 }
+
+go(start.body ? 'experts' : 'roll');
+if (!start.body) await begin();
 document.body.dataset.ready = 'true';
