@@ -53,7 +53,7 @@ KERNELS = """
 
 CONVEX = "tests/recipe/test_recipes.py::test_a_recipe_gives_its_die_with_little_work"
 
-BENCHES = "stability gradients accuracy speed"
+BENCHES = "stability gradients accuracy speed gallery"
 """Benches whose short forms are short; the nightly check runs all."""
 
 

@@ -48,6 +48,7 @@ BENCHES = (
     "exact",
     "figure_10",
     "finished",
+    "gallery",
     "gradients",
     "speed",
     "stability",
@@ -332,10 +333,13 @@ def _repeat(action: Callable[[], Any], row: float) -> list[float]:
     return times
 
 
-def make_die(recipe: Recipe, last: str = "check") -> Work:
+def make_die(recipe: Recipe, last: str = "check", *, enlarge: bool = False) -> Work:
     """The work of a recipe up to and with a stage; nothing is written. Raises NoStartError where
-    nothing leads there, InputError where the start does not suit the target."""
-    work = Work(recipe)
+    nothing leads there, InputError where the start does not suit the target.
+
+    enlarge: see `Work`.
+    """
+    work = Work(recipe, enlarge=enlarge)
     run_stages(work, last=last)
     return work
 

@@ -11,18 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from common.paths import DATA, MISSING_DATA, ROOT
-from common.programs import (
-    MISSING_BROWSER,
-    MISSING_SLICER,
-    SLICER,
-    headless_browser,
-    missing_browser,
-)
+from common.programs import MISSING_SLICER, SLICER
 
+from benchmarks.browser import headless_browser, missing_browser
 from dicedesign.runtime import workers
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+
+MISSING_BROWSER = "no browser: "
+"""Prefix of the reasons for skipped tests."""
 
 pytest_plugins = ["common.session"]
 

@@ -1,18 +1,13 @@
-"""A slicer and a browser of Debian, if they are installed."""
+"""A slicer of Debian, if it is installed."""
 
 from __future__ import annotations
 
 import math
-import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -74,49 +69,3 @@ def slice_file(file: Path, layer_mm: float, supports: bool = False) -> Sliced:
         len(re.findall(r"^;TYPE:Support", text, re.MULTILINE)),
         float(filament) * math.pi / 4.0 * float(diameter) ** 2,
     )
-
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-
-MISSING_BROWSER = "no browser: "
-"""Prefix of the reasons for skipped tests."""
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-
-ARGUMENTS = (
-    "--no-sandbox",
-    "--lang=en-US",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-)
-"""English, and WebGL without a graphics card."""
-
-
-def missing_browser() -> str | None:
-    """Name of a missing requirement, or None."""
-    for package in ("uvicorn", "playwright"):
-        if find_spec(package) is None:
-            return package
-    return None if _browser_program() else BROWSERS[0]
-
-
-def _browser_program() -> str | None:
-    return next(filter(None, map(shutil.which, BROWSERS)), None)
-
-
-@contextmanager
-def headless_browser() -> Iterator[Browser]:
-    """Start the browser in English."""
-    from playwright.sync_api import sync_playwright
-
-    english = {**os.environ, "LANG": "en_US.UTF-8", "LC_ALL": "en_US.UTF-8"}
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=_browser_program(), args=list(ARGUMENTS), env=dict(english)
-        )
-        try:
-            yield browser
-        finally:
-            browser.close()

@@ -1,23 +1,19 @@
-"""Pages of the package, served from a thread of the tests."""
+"""The page of `dicedesign view`, served from a thread of the tests."""
 
 from __future__ import annotations
 
 import http.client
 import json
-import threading
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import uvicorn
-from starlette.applications import Starlette
-
+from benchmarks.browser import served_app
 from dicedesign.view.application import make_page
-from dicedesign.view.server import LOOPBACK, Gate, open_socket
+from dicedesign.view.server import Gate
 
 
 @dataclass(frozen=True)
@@ -53,26 +49,6 @@ class Served:
         """Response to a JSON value."""
         body = json.dumps(value).encode()
         return self.request("POST", path, body, Content_Type="application/json")
-
-
-@contextmanager
-def served_app(
-    make: Callable[[Gate], Starlette], host: str = LOOPBACK, key: str = ""
-) -> Iterator[Gate]:
-    """Serve an application on this machine, as if for a host and with a key."""
-    listening = open_socket(0)
-    gate = Gate(listening.getsockname()[1], host, key)
-    server = uvicorn.Server(uvicorn.Config(make(gate), log_level="critical", ws="none"))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
-    thread.start()
-    try:
-        while not server.started:
-            time.sleep(0.01)
-        yield gate
-    finally:
-        server.should_exit = server.force_exit = True
-        thread.join()
-        listening.close()
 
 
 @contextmanager

@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from common.finished import finished_box
 from common.looks import check_looks
-from common.served import served_app
 from PIL import Image
 
+from benchmarks.browser import served_app
 from dicedesign.geometry.meshes.reading import stl_bytes
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import RESULT, Result
