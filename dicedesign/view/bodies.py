@@ -157,7 +157,7 @@ class Bodies:
         """Keep a state, of the body with the number `opened` or of a new one, and describe it."""
         number = next(self._numbers)
         with self._lock:
-            if opened not in self._bodies:
+            if opened is None or opened not in self._bodies:
                 opened = number
                 self._bodies[opened] = OrderedDict()
             states = self._bodies[opened]
