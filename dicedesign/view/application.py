@@ -113,7 +113,8 @@ def _stream_dice(shop: Shop, query: Mapping[str, Any]) -> Any:
                 finally:
                     emit(None)
 
-        threading.Thread(target=run, name="design", daemon=True).start()
+        # Not a daemon: the process must not end while it is in native code.
+        threading.Thread(target=run, name="design").start()
         try:
             while (value := await news.get()) is not None:
                 yield json.dumps(value).encode() + b"\n"

@@ -543,6 +543,7 @@ followTheme($('theme'), (isDark) => {
 });
 /** Show the first example. */
 async function begin() {
+  $('caption').textContent = '';
   $('target').value = start.examples[0];
   await readTarget();
   if (S.target) find(1);
