@@ -50,7 +50,8 @@ def open_page(
 
 
 def screenshot(page: Page) -> Image.Image:
-    """What a window shows when nothing moves any more."""
+    """What a window shows when nothing moves and nothing is under the pointer."""
+    page.mouse.move(0.0, 0.0)
     page.wait_for_timeout(SETTLE_MS)
     return Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_MS)))
 
@@ -70,12 +71,9 @@ def take_steps(page: Page) -> Iterator[Image.Image]:
     page.click("#next:not([disabled])")
     page.click("#throw-many:not([disabled])")
     page.wait_for_selector("#tally-verdict.ok")
-    # The pointer shows the colors of one outcome.
-    page.mouse.move(0.0, 0.0)
     yield screenshot(page)
     page.click("#next:not([disabled])")
     page.wait_for_selector("#take-verdict.ok")
-    page.mouse.move(0.0, 0.0)
     yield screenshot(page)
     page.click("#experts")
     page.wait_for_selector("#body-verdict.ok")
