@@ -25,7 +25,7 @@ from matplotlib.textpath import text_to_path
 from numpy.typing import ArrayLike
 
 from dicedesign.palette import DARK, GRID
-from dicedesign.report.paper import DPI, GAP, POINTS, REPORT_DPI
+from dicedesign.report.paper import DPI, GAP, PAGE_WIDTH, POINTS, REPORT_DPI
 from dicedesign.report.raster import Picture, trim
 
 BODY = 8.0
@@ -257,8 +257,17 @@ def grid_columns(width: float, most: int) -> int:
 
 
 def cell_pixels(width: float, columns: int) -> int:
-    """Side in pixels of a square picture in a grid of some columns on a sheet of `width` inches."""
-    return int((POINTS * width - GAP * (columns + 1)) / columns * DPI / POINTS)
+    """Side in pixels of a square picture in a grid of some columns on a sheet of `width` inches.
+
+    A sheet as wide as the report has the resolution of the report, as its pictures take the longest
+    time of all figures.
+    """
+    dpi = REPORT_DPI if width >= PAGE_WIDTH else DPI
+    return int(_cell_points(width, columns) * dpi / POINTS)
+
+
+def _cell_points(width: float, columns: int) -> float:
+    return (POINTS * width - GAP * (columns + 1)) / columns
 
 
 @with_style
@@ -274,11 +283,11 @@ def picture_grid(
 
     Rows of pixels that are white in all pictures of a row are cut off above and below.
 
-    pictures: (h, w, 3), at least one, all of one size, `cell_pixels` wide to be drawn pixel for
-    pixel; titles: one or more lines for each, or an empty text; columns: number of columns, at
-    least 1; width: in inches; above, below: points left free for more.
+    pictures: (h, w, 3), at least one, all of one size, `cell_pixels` wide; titles: one or more
+    lines for each, or an empty text; columns: number of columns, at least 1; width: in inches;
+    above, below: points left free for more.
     """
-    cell = cell_pixels(width, columns) * POINTS / DPI
+    cell = _cell_points(width, columns)
     titles = [fold(title, cell, NOTE) for title in titles]
     title_room = LINE * NOTE * max(title.count("\n") + 1 if title else 0 for title in titles) + 3.0
     rows = [trim(pictures[k : k + columns]) for k in range(0, len(pictures), columns)]

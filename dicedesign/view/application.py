@@ -8,6 +8,7 @@ import socket
 import sys
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -103,18 +104,17 @@ def _stream_dice(shop: Shop, query: Mapping[str, Any]) -> Any:
                 raise Stopped
 
         def run() -> None:
-            try:
-                shop.find_dice(query, emit, check)
-            except Stopped:
-                return
-            except Exception as error:
-                emit({"error": f"unexpected error, {type(error).__name__}: {error}"})
-                raise
-            finally:
-                if not is_stopped.is_set():
+            with suppress(Stopped):
+                try:
+                    shop.find_dice(query, emit, check)
+                except Exception as error:
+                    emit({"error": f"unexpected error, {type(error).__name__}: {error}"})
+                    raise
+                finally:
                     emit(None)
 
-        threading.Thread(target=run, name="design", daemon=True).start()
+        # Not a daemon: the process must not end while it is in native code.
+        threading.Thread(target=run, name="design").start()
         try:
             while (value := await news.get()) is not None:
                 yield json.dumps(value).encode() + b"\n"

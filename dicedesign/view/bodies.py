@@ -9,7 +9,8 @@ import tempfile
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
-from itertools import count
+from dataclasses import dataclass
+from itertools import count, islice
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -29,8 +30,11 @@ from dicedesign.view.viewed_body import ViewedBody, facet_vertices
 
 __all__ = ["Bodies"]
 
-KEPT_STATES = 200
-"""States of bodies that are kept in memory."""
+KEPT_BODIES = 24
+"""Opened bodies that are kept in memory, each as it was opened."""
+
+KEPT_CHANGES = 16
+"""Latest changes of each body that are kept in memory."""
 
 MAX_ROWS = 24
 """Rows of a table of probabilities; the others are summed."""
@@ -48,6 +52,21 @@ MAP_EDGE = 1.4
 """Margin around a half of the map, in its points."""
 
 
+@dataclass(frozen=True, eq=False)
+class _State:
+    """State of a body.
+
+    Attributes
+    ----------
+    opened: number of the body as it was opened.
+    mesh: of a die; None to color the resting facets.
+    """
+
+    opened: int
+    viewed: ViewedBody
+    mesh: CodedMesh | None
+
+
 class Bodies:
     """Functions behind the page's tab for experts. All take and return JSON values, except `open`
     of bytes, and may run in any thread.
@@ -57,8 +76,8 @@ class Bodies:
 
     def __init__(self, shop: Shop, source: Source | None) -> None:
         self._shop, self._source = shop, source
-        # With the mesh, if it is a die.
-        self._states: OrderedDict[int, tuple[ViewedBody, CodedMesh | None]] = OrderedDict()
+        # By the number of the opened body, in the order of use; its own state is the first.
+        self._bodies: OrderedDict[int, OrderedDict[int, _State]] = OrderedDict()
         self._numbers, self._lock = count(1), threading.Lock()
         self.names: tuple[str, ...] = () if source is None else source.names
 
@@ -74,7 +93,7 @@ class Bodies:
         """Open a mesh of the user's own. query: "name" of the file; content: of the file."""
         name = Path(str(query["name"])).name or "mesh"
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, name)
+            path = Path(folder, f"mesh{Path(name).suffix}")
             path.write_bytes(content)
             try:
                 body = read_body(path)
@@ -85,7 +104,8 @@ class Bodies:
     def change(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Change a state: "center" (3,), or "uniform", or "vertices" of the hull moved by "by"
         (3,)."""
-        (viewed, mesh), note = self._find(query), ""
+        state, note = self._find(query), ""
+        viewed = state.viewed
         if "center" in query:
             viewed, was_outside = viewed.with_center(np.array(query["center"], dtype=np.float64))
             if was_outside:
@@ -101,38 +121,51 @@ class Bodies:
                     f"{len(corners):,}; take a simpler body"
                 )
             viewed = viewed.with_vertices(vertices, corners[vertices] + np.array(query["by"]))
-        return self._keep(viewed, mesh) | {"note": note}
+        return self._keep(viewed, state.mesh, state.opened) | {"note": note}
 
     def probabilities(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """(rows,) "thrown" probabilities of a state by the momentum model of a "table"."""
-        thrown = self._find(query)[0].throw_probabilities(momentum_model(query["table"]))
+        thrown = self._find(query).viewed.throw_probabilities(momentum_model(query["table"]))
         return {"thrown": thrown.tolist()}
 
     def throw(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Throws of a state; see `throw_body`."""
-        return throw_body(self._find(query)[0], query)
+        return throw_body(self._find(query).viewed, query)
 
     def gauss_map(self, query: Mapping[str, Any]) -> dict[str, Any]:
         """Gauss map of a state as an SVG figure."""
-        return {"svg": _map_svg(self._find(query)[0])}
+        return {"svg": _map_svg(self._find(query).viewed)}
 
     def hull_file(self, query: Mapping[str, Any]) -> bytes:
         """STL file of the hull of a state."""
-        return stl_bytes(self._find(query)[0].hull.surface)
+        return stl_bytes(self._find(query).viewed.hull.surface)
 
-    def _find(self, query: Mapping[str, Any]) -> tuple[ViewedBody, CodedMesh | None]:
+    def _find(self, query: Mapping[str, Any]) -> _State:
+        number = int(query["state"])
         with self._lock:
-            state = self._states.get(int(query["state"]))
-        if state is None:
-            raise InputError("body: expected one that is still open, got an old one; open it again")
-        return state
+            for opened, states in self._bodies.items():
+                if number in states:
+                    states.move_to_end(number)
+                    states.move_to_end(opened, last=False)
+                    self._bodies.move_to_end(opened)
+                    return states[number]
+        raise InputError("body: expected one that is still open, got an old one; open it again")
 
-    def _keep(self, viewed: ViewedBody, mesh: CodedMesh | None = None) -> dict[str, Any]:
+    def _keep(
+        self, viewed: ViewedBody, mesh: CodedMesh | None = None, opened: int | None = None
+    ) -> dict[str, Any]:
+        """Keep a state, of the body with the number `opened` or of a new one, and describe it."""
         number = next(self._numbers)
         with self._lock:
-            self._states[number] = viewed, mesh
-            while len(self._states) > KEPT_STATES:
-                self._states.popitem(last=False)
+            if opened is None or opened not in self._bodies:
+                opened = number
+                self._bodies[opened] = OrderedDict()
+            states = self._bodies[opened]
+            states[number] = _State(opened, viewed, mesh)
+            while len(states) > 1 + KEPT_CHANGES:
+                del states[next(islice(states, 1, None))]
+            while len(self._bodies) > KEPT_BODIES:
+                self._bodies.popitem(last=False)
         return _describe(viewed, mesh) | {"state": number}
 
 
@@ -147,7 +180,7 @@ def _describe(viewed: ViewedBody, mesh: CodedMesh | None) -> dict[str, Any]:
         mesh = body_mesh(viewed, MAX_ROWS)
     others = float(sum(row.probability for row in viewed.rows[MAX_ROWS:]))
     errors = [abs(row.probability - row.target) for row in viewed.rows if row.target is not None]
-    kind = "points"
+    kind = f"{len(body.points):,} points"
     if body.triangles is not None:
         kind = "the dragged hull" if viewed.is_dragged else f"{len(body.triangles):,} triangles"
     margins, colors = np.degrees(poses.margins), _row_colors(viewed)

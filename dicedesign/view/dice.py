@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic, TypeVar
@@ -53,6 +55,12 @@ MAX_ADVISED_MM = 100.0
 MAX_NOTICED = 0.1
 """Share of prints that a test of 1,000 rolls may reject, of which 0.05 are perfect ones."""
 
+CHANCE = re.compile(r"(\d{1,6}) (?:in|of|out of) (\d{1,6})")
+"""Text of one outcome's chance, such as "1 in 3"."""
+
+NAMED_KEY = re.compile(r"[\w.]+: |expected dice|expected YAML")
+"""Start of a message on something that only recipes have."""
+
 WRONG_SUM = "expected a sum of 1, got "
 """Start of the message on probabilities with another sum."""
 
@@ -67,12 +75,13 @@ class Stopped(BaseException):
 
 
 class Recent(Generic[T]):
-    """Values of the latest keys; a missing one is made, by one thread at a time."""
+    """Values of the latest keys; a missing one is made, by one thread at a time. Others that are
+    there can be had meanwhile."""
 
     def __init__(self, make: Callable[[str], T], most: int) -> None:
         self._make, self._most = make, most
         self._values: OrderedDict[str, T] = OrderedDict()
-        self._lock = threading.RLock()
+        self._lock, self._making = threading.Lock(), threading.Lock()
 
     def put(self, key: str, value: T) -> None:
         """Keep a value."""
@@ -84,11 +93,21 @@ class Recent(Generic[T]):
 
     def get(self, key: str) -> T:
         """Return the value of a key."""
+        value = self._find(key)
+        if value is not None:
+            return value
+        with self._making:
+            value = self._find(key)
+            if value is None:
+                value = self._make(key)
+                self.put(key, value)
+            return value
+
+    def _find(self, key: str) -> T | None:
         with self._lock:
-            if key not in self._values:
-                self.put(key, self._make(key))
-            self._values.move_to_end(key)
-            return self._values[key]
+            if key in self._values:
+                self._values.move_to_end(key)
+            return self._values.get(key)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,21 +179,27 @@ class Shop:
 
     def _correction(self, text: str) -> str | None:
         """Text near a wrong one that can be read, or None."""
-        parts = text.replace(",", " ").replace(";", " ").replace(":", " ").split()
+        spaced = text if text.count("/") < 2 or "," in text else text.replace("/", " ")
+        parts = spaced.replace(",", " ").replace(";", " ").replace(":", " ").split()
         with_sign = [part if part.endswith("%") else f"{part}%" for part in parts]
-        shares = [_percent(part) for part in with_sign]
+        shares = [share for share in map(_percent, with_sign) if share is not None]
         tries = [", ".join(with_sign), ", ".join(parts)]
-        if shares and None not in shares:
-            missing = 100.0 - sum(share for share in shares if share is not None)
-            if "%" in text and missing > 0.0:
+        if len(shares) == len(parts) > 0:
+            missing = 100.0 - sum(shares)
+            # A little is missing because of rounding.
+            if "%" in text and missing > (min(shares) / 2.0 if len(shares) > 1 else 0.0):
                 tries.append(", ".join([*with_sign, f"{missing:.6g}%"]))
             tries.append(":".join(part.rstrip("%") for part in parts))
-        for guess in tries if len(parts) > 1 or "%" in text else ():
-            try:
-                self._recipe(guess)
-            except DiceError:
-                continue
-            return guess
+        chance = CHANCE.fullmatch(text)
+        if chance is not None:
+            hits, whole = map(int, chance.groups())
+            tries = [f"{hits}/{whole}, {whole - hits}/{whole}"]
+        elif len(parts) == 1 and "%" not in text:
+            tries = ["d2" if text.lower() == "coin" else f"d{text}" if text.isdecimal() else text]
+        for guess in tries:
+            with suppress(DiceError):
+                if len(self._recipe(guess).target.target().labels) <= MAX_PROBABILITIES:
+                    return guess
         return None
 
     def find_dice(
@@ -424,9 +449,12 @@ def _short(error: DiceError, text: str) -> str:
     if not text:
         return "Write what to roll: dice such as 2d6, or chances such as 50%, 30%, 20%."
     message = str(error).removeprefix("target: ").removeprefix("probabilities: ")
+    message = message.removeprefix("fair: ")
     if message.startswith(WRONG_SUM):
         total = message.removeprefix(WRONG_SUM).partition(";")[0]
         return f"These add up to {total}. Chances add up to 1, or to 100 %."
+    if NAMED_KEY.match(message):
+        return "This cannot be read. Write dice such as 2d6, or chances such as 50%, 30%, 20%."
     return f"{message[:1].upper()}{message[1:].rstrip('?.')}."
 
 

@@ -74,6 +74,17 @@ def test_changes_have_the_probabilities_of_the_model(bodies: Bodies, box: dict[s
     np.testing.assert_allclose(values(uniform), values(box), atol=1e-12)
 
 
+def test_a_long_drag_leaves_what_it_began_with(bodies: Bodies, box: dict[str, Any]) -> None:
+    other = bodies.open({"name": "box.obj"})
+    first, latest = bodies.change({"state": box["state"], "uniform": True}), box
+    for step in range(220):
+        center = [1e-3 * step, 0.0, 0.0]
+        latest = bodies.change({"state": first["state"], "center": center})
+    # The body as it was opened, the state where the drag began, its end, and another tab's body.
+    for state in (box, first, latest, other):
+        assert bodies.change({"state": state["state"], "uniform": True})["rests"] == 6
+
+
 def test_a_center_stays_inside(bodies: Bodies, box: dict[str, Any]) -> None:
     far = bodies.change({"state": box["state"], "center": [100.0, 0.0, 0.0]})
     assert "inside its hull" in far["note"]
@@ -115,6 +126,7 @@ def test_a_mesh_of_ones_own_is_read(bodies: Bodies, tmp_path: Path) -> None:
     np.testing.assert_allclose(values(body), expected, atol=1e-6)
     hull = read_stl(bodies.hull_file({"state": body["state"]}))
     np.testing.assert_allclose(hull.surface.volume, 4.0, rtol=1e-6)
+    assert bodies.upload({"name": f"{'a' * 400}.stl"}, content)["rests"] == body["rests"]
     with pytest.raises(dd.InputError, match=r"^own\.stl"):
         bodies.upload({"name": "own.stl"}, b"solid nothing")
 
@@ -131,3 +143,11 @@ def test_bodies_are_thrown(bodies: Bodies, box: dict[str, Any], table: str | Non
         assert np.abs(counts / 500 - expected).sum() / 2.0 < 0.1
     else:
         assert chi_square(counts, expected).p_value > 1e-3
+
+
+def test_a_cloud_of_points_is_counted(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.xyz"
+    np.savetxt(path, np.random.default_rng(0).normal(size=(50, 3)))
+    body = Bodies(Shop(), open_source(path)).open({"name": "cloud.xyz"})
+    assert body["kind"] == "50 points"
+    assert body["corners"] == len(corners_of(body)) < 50

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import zipfile
 from base64 import b64decode
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.pipeline import run
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.goodness_of_fit import chi_square
-from dicedesign.view.dice import Shop, Stopped
+from dicedesign.view.dice import Recent, Shop, Stopped
 
 TARGET = {"text": "1/2, 1/3, 1/6"}
 PROBABILITIES = [1 / 2, 1 / 3, 1 / 6]
@@ -129,6 +131,11 @@ def test_files_have_the_chosen_colors(
         ("50 30 20", [0.5, 0.3, 0.2]),
         ("50%; 30%; 30%", [5 / 11, 3 / 11, 3 / 11]),
         ("1 2 3", [1 / 6, 2 / 6, 3 / 6]),
+        ("50/30/20", [0.5, 0.3, 0.2]),
+        ("33%, 33%, 33%", [1 / 3, 1 / 3, 1 / 3]),
+        ("1 in 3", [1 / 3, 2 / 3]),
+        ("3", [1 / 3, 1 / 3, 1 / 3]),
+        ("Coin", [0.5, 0.5]),
     ],
 )
 def test_a_wrong_text_is_corrected(shop: Shop, text: str, meant: list[float]) -> None:
@@ -200,6 +207,21 @@ def test_counts_are_judged_by_what_is_known(shop: Shop, dice: list[dict[str, Any
     assert style([300, 200, 100]) == "ok"
     assert style([330, 170, 100]) == "warn"
     assert style([400, 100, 100]) == "bad"
+
+
+def test_what_is_there_does_not_wait_for_what_is_made() -> None:
+    is_due = threading.Event()
+    recent = Recent(lambda key: key if key == "quick" or is_due.wait(60.0) else "late", most=2)
+    assert recent.get("quick") == "quick"
+    with ThreadPoolExecutor() as pool:
+        slow = pool.submit(recent.get, "slow")
+        quick = pool.submit(recent.get, "quick")
+        try:
+            assert quick.result(timeout=20.0) == "quick"
+            assert not slow.done()
+        finally:
+            is_due.set()
+        assert slow.result() == "slow"
 
 
 def test_a_design_that_nobody_wants_ends(shop: Shop) -> None:

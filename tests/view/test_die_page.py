@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -30,14 +31,30 @@ def check_die_is_large(opened: DiePage) -> None:
     assert abs(left + right - 1.0) < 0.25
 
 
+def check_nothing_overlaps(opened: DiePage) -> None:
+    """Brand, steps, tools, panel and caption are beside each other."""
+    names = (".brand", "#steps", ".tools", "#title", "#body", ".foot", "#caption")
+    boxes = [opened.page.locator(name).bounding_box() for name in names]
+    for k, a in enumerate(boxes):
+        assert a is not None
+        for b in boxes[:k]:
+            assert b is not None
+            width = min(a["x"] + a["width"], b["x"] + b["width"]) - max(a["x"], b["x"])
+            height = min(a["y"] + a["height"], b["y"] + b["height"]) - max(a["y"], b["y"])
+            assert min(width, height) <= 0.5, (a, b)
+
+
 @compiled_only
-@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize(
+    "name", ["laptop", "phone", pytest.param("desktop", marks=pytest.mark.full)]
+)
 def test_the_way_to_a_file(open_page: Open, tmp_path: Path, name: str) -> None:
     """Type, pick, dress, try, take; each step looks right, and the file has the probabilities."""
     opened = open_page(size=SIZES[name], dark=name == "desktop")
     page = opened.page
     check_die_is_large(opened)
     opened.check_looks()
+    check_nothing_overlaps(opened)
     page.fill("#target", "25%, 25%, 20%")
     page.press("#target", "Enter")
     error = page.wait_for_selector("#target-error:not([hidden])")
@@ -79,6 +96,60 @@ def test_the_way_to_a_file(open_page: Open, tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(poses.probabilities, 1 / 6, atol=1e-8)
     assert opened.download("3mf", tmp_path).stat().st_size > 1000
     assert "heart" in opened.download("yaml", tmp_path).read_text()
+    opened.check()
+
+
+@compiled_only
+def test_fields_and_die_are_one_state(open_page: Open) -> None:
+    """Nobody gets a die, a count or a step of an earlier choice, however fast the clicks."""
+    opened = open_page()
+    page = opened.page
+    one = json.dumps({"text": "1/2, 1/3, 1/6", "count": 1})
+    page.route("**/dice", lambda route: route.continue_(post_data=one))
+    page.fill("#target", "1/2, 1/3, 1/6")
+    opened.next()
+    page.wait_for_selector(".candidate")
+    opened.next()
+    page.wait_for_selector("#next:not([disabled])")
+    opened.posts.clear()
+    for labels in ("letters", "pips", "letters", "pips", "letters", "pips", "icons"):
+        opened.choose("labels", labels)
+    opened.next()
+    assert [label for label, _ in opened.tally()] == ["heart", "star", "bolt"]
+    dressed = [value["dress"] for path, value in opened.posts if path == "/dress"]
+    assert len(dressed) < 7
+    assert dressed[-1] == {"labels": "icons"}
+    # A throw that nobody watches is counted, and the next one is free.
+    page.click("#throw-many")
+    opened.next()
+    page.click("#back")
+    page.wait_for_selector("#throw-many:not([disabled])")
+    opened.until(lambda: sum(int(count.split()[0]) for _, count in opened.tally()) == 100)
+    # Another size is another die.
+    page.click("#back")
+    page.fill("#size", "45")
+    opened.next()
+    assert opened.text("#caption").endswith("45 mm")
+    assert [count for _, count in opened.tally()] == ["50 %", "33 %", "17 %"]
+    # A die that cannot be dressed has no later steps.
+    page.click("#back")
+    page.route("**/dress", lambda route: route.abort())
+    opened.choose("edges", "fillet")
+    page.wait_for_selector("#print-verdict.bad")
+    assert page.is_disabled("#next")
+    assert page.is_disabled("#steps li:nth-child(5) button")
+    page.unroute("**/dress")
+    opened.choose("edges", "sharp")
+    page.wait_for_selector("#next:not([disabled])")
+    # Nor has a target without dice; this request gets no answer.
+    page.unroute("**/dice")
+    page.route("**/dice", lambda _: None)
+    page.click("#steps li:first-child button")
+    page.fill("#target", "d4")
+    opened.next()
+    page.wait_for_selector("#progress:not([hidden])")
+    assert opened.text("#caption") == ""
+    assert page.is_disabled("#steps li:nth-child(5) button")
     opened.check()
 
 

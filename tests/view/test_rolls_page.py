@@ -31,6 +31,8 @@ from dicedesign.view.server import LOOPBACK, Gate
 
 SIZES = {"phone": (390, 844), "desk": (1280, 800)}
 
+FULL = pytest.mark.full
+
 MIN_BUTTON = 56.0
 """Smallest side of a button for the thumb, in pixels."""
 
@@ -190,7 +192,7 @@ def test_keys_log_throws(log: Path, tabs: Any) -> None:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("outcomes", [2, 6, 20, 40])
+@pytest.mark.parametrize("outcomes", [*(pytest.param(k, marks=FULL) for k in (2, 6, 20)), 40])
 def test_everything_is_in_its_place_and_readable(
     log: Path, tabs: Any, size: str, scheme: str, outcomes: int
 ) -> None:

@@ -13,6 +13,11 @@ export function make(tag, properties = {}, ...children) {
   return element;
 }
 
+const NO_ANSWER = 'No answer from dicedesign. Is it still running in the terminal?';
+
+/** Sentence on a failed request; browsers call each broken connection a TypeError. */
+export const sentence = (error) => (error instanceof TypeError ? NO_ANSWER : error.message);
+
 /** Post a JSON value; resolves to the answer, or throws an Error with the server's sentence. */
 export async function post(path, value, { signal, body } = {}) {
   let response;
@@ -24,7 +29,7 @@ export async function post(path, value, { signal, body } = {}) {
     });
   } catch (error) {
     if (error.name === 'AbortError') throw error;
-    throw new Error('dicedesign does not answer. Is it still running in the terminal?');
+    throw new Error(NO_ANSWER);
   }
   if (response.ok) return response;
   throw new Error((await response.json().catch(() => ({}))).error ?? `The server answered ${response.status}.`);
@@ -121,6 +126,21 @@ export function takeLatest() {
     before?.abort();
     before = new AbortController();
     return before.signal;
+  };
+}
+
+/** One call of an asynchronous function at a time; of those that wait, the last is made alone. */
+export function takeTurns(act) {
+  let isRunning = false, isDue = false;
+  return async () => {
+    isDue = true;
+    if (isRunning) return;
+    isRunning = true;
+    while (isDue) {
+      isDue = false;
+      await act();
+    }
+    isRunning = false;
   };
 }
 

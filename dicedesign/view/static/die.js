@@ -1,5 +1,5 @@
 // The five steps from a wish to a file. All state is in `S`; the server keeps none.
-import { $, chip, download, followTheme, make, mark, percent, post, postJson, showVerdict, takeLatest, tallyRows } from './common.js';
+import { $, chip, download, followTheme, make, mark, percent, post, postJson, sentence, showVerdict, takeLatest, takeTurns, tallyRows } from './common.js';
 import { Experts } from './experts.js';
 import { paint, readMesh, Stage, Thumbnails } from './stage.js';
 
@@ -23,11 +23,11 @@ const FRESH_DRESS = { labels: 'given', texts: null, font: '', style: 'engraved',
 const isCalm = matchMedia('(prefers-reduced-motion: reduce)').matches;
 const isNarrow = matchMedia('(max-width: 759px), (max-width: 1000px) and (orientation: portrait)');
 
-const S = { step: 'roll', reached: 0, text: '', target: null, found: null, cards: [], die: null, dress: { ...FRESH_DRESS }, scheme: 0, where: 'table', table: null, dressed: null, counts: [], isBusy: false };
+const S = { step: 'roll', reached: 0, text: '', target: null, found: null, failure: null, cards: [], die: null, dress: { ...FRESH_DRESS }, scheme: 0, where: 'table', table: null, dressed: null, isDressing: false, problem: null, counts: [], isBusy: false };
 const stage = new Stage($('view'), freeArea), thumbnails = new Thumbnails();
-const latest = { target: takeLatest(), dice: takeLatest(), dress: takeLatest(), print: takeLatest() };
+const latest = { target: takeLatest(), dice: takeLatest(), print: takeLatest(), judge: takeLatest() };
 const start = await postJson('/start', {});
-const experts = new Experts(stage, start, { query, leave: () => go(S.before ?? 'roll'), hasDie: () => S.dressed !== null });
+const experts = new Experts(stage, start, { query: () => S.query, hasDie: () => S.dressed !== null });
 
 /** The part of the canvas that no panel covers. */
 function freeArea() {
@@ -39,10 +39,13 @@ function freeArea() {
 /* Steps */
 function go(step) {
   const isExpert = step === 'experts';
+  // A throw ends when nobody watches it.
+  if (S.step === 'try') S.finish?.();
   if (isExpert && S.step !== 'experts') S.before = S.step;
   const wasExpert = S.step === 'experts';
   S.step = step;
   document.body.dataset.step = step;
+  if (ORDER.indexOf(step) >= ORDER.indexOf('dress')) S.isChosen = true;
   S.reached = Math.max(S.reached, ORDER.indexOf(step));
   for (const pane of document.querySelectorAll('[data-pane]')) pane.hidden = pane.dataset.pane !== step;
   $('map').hidden = $('result').hidden = true;
@@ -63,7 +66,8 @@ function go(step) {
     $('next').textContent = NEXT[step];
     if (wasExpert) {
       experts.exit();
-      showDie();
+      if (S.target) showDie();
+      else begin();
     }
     if (S.dressed && !wasExpert && S.model) stage.stand(S.model.rests[S.model.show].down, 0.45);
     ({ roll: drawTarget, pick: drawCards, dress: drawDress, try: drawTry, take: drawTake })[step]();
@@ -78,9 +82,13 @@ function setTitle(title, eyebrow) {
   $('live').textContent = title;
 }
 
+/** Whether the die in view is the one that the fields describe. */
+const isReady = () => S.dressed !== null && !S.isDressing && S.problem === null;
+
 function drawSteps() {
+  const last = S.die === null ? 'pick' : isReady() ? 'take' : 'dress';
   $('steps').replaceChildren(...ORDER.map((step, i) => {
-    const button = make('button', { type: 'button', disabled: i > S.reached, onclick: () => go(step) }, make('b', { textContent: i + 1, 'aria-hidden': 'true' }), STEPS[step]);
+    const button = make('button', { type: 'button', disabled: i > Math.min(S.reached, ORDER.indexOf(last)), onclick: () => go(step) }, make('b', { textContent: i + 1, 'aria-hidden': 'true' }), STEPS[step]);
     if (step === S.step) button.setAttribute('aria-current', 'step');
     return make('li', {}, button);
   }));
@@ -163,10 +171,18 @@ async function ask() {
 /* 2 Pick */
 /** Design dice for the target; one is only to be looked at. */
 async function find(count = WANTED) {
-  const signal = latest.dice();
-  Object.assign(S, { found: count > 1 ? S.text : null, isChosen: false, colors: S.target.colors, texts: S.target.texts, cards: [], order: null, die: null, dressed: null, model: null, dress: { ...FRESH_DRESS, printer: S.dress.printer }, progress: '' });
-  S.counts = S.target.labels.map(() => 0);
+  const signal = latest.dice(), { labels, colors, texts } = S.target;
+  for (const { model } of S.cards) model.geometry.dispose();
+  Object.assign(S, {
+    found: count > 1 ? S.text : null, failure: null, isChosen: false, labels, colors, texts, cards: [], order: null, die: null, shown: null,
+    dressed: null, isDressing: false, problem: null, model: null, dress: { ...FRESH_DRESS, printer: S.dress.printer }, reached: Math.min(S.reached, 1),
+    counts: labels.map(() => 0),
+  });
+  clearThrows();
   thumbnails.clear();
+  // The die of another target.
+  $('view').classList.add('is-busy');
+  $('caption').textContent = '';
   try {
     const response = await post('/dice', { text: S.text, count }, { signal });
     const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
@@ -175,13 +191,14 @@ async function find(count = WANTED) {
       rest = lines.pop();
       lines.forEach((line) => takeNews(JSON.parse(line)));
     }
+    if (!S.order && !S.failure) throw new TypeError('The stream ended early.');
   } catch (error) {
-    if (!isAborted(error)) takeNews({ error: error.message });
+    if (!isAborted(error)) takeNews({ error: sentence(error) });
   }
 }
 
 function takeNews(news) {
-  if (news.error) S.progress = null;
+  if (news.error) Object.assign(S, { failure: shorten(news.error), found: null });
   if (news.die) {
     const model = readMesh(news.die.mesh);
     paint(model, { ...S, blank: start.blank, scheme: null });
@@ -195,12 +212,13 @@ function takeNews(news) {
     if (!S.isChosen) pick(S.order[0]);
     $('live').textContent = 'All dice are ready.';
   }
-  showError($('pick-error'), news.error ?? null);
   if (S.step === 'pick') drawCards();
 }
 
 function drawCards() {
-  const { length } = S.cards, isDone = Boolean(S.order) || S.progress === null;
+  const { length } = S.cards, isDone = Boolean(S.order ?? S.failure);
+  const hadFocus = $('cards').contains(document.activeElement);
+  showError($('pick-error'), S.failure ?? S.problem);
   $('progress').hidden = isDone;
   $('progress-text').textContent = length ? `Making dice: ${length} ready. You can pick one at once.` : 'Making dice: the first takes some seconds.';
   $('progress-bar').value = length;
@@ -208,7 +226,7 @@ function drawCards() {
   thumbnails.clear();
   const cards = S.cards.map((card, number) => {
     const canvas = make('canvas', { 'aria-hidden': 'true' });
-    const input = make('input', { type: 'radio', name: 'candidate', checked: card.id === S.die, onchange: () => { S.isChosen = true; pick(card.id); drawCards(); document.querySelector('[name="candidate"]:checked').focus(); } });
+    const input = make('input', { type: 'radio', name: 'candidate', checked: card.id === S.die, onchange: () => { S.isChosen = true; pick(card.id); } });
     const tag = S.order && number === 0 ? [' ', make('span', { className: 'tag', textContent: 'Suggested' })] : [];
     const node = make('label', { className: 'candidate' }, input, canvas, make('b', {}, card.name, ...tag), make('ul', {},
       make('li', { className: card.style }, mark(card.style), card.hands),
@@ -219,14 +237,14 @@ function drawCards() {
   const waiting = Array.from({ length: isDone ? 0 : Math.max(0, WANTED - length) }, () => make('div', { className: 'waiting' }));
   $('cards').replaceChildren($('cards').firstElementChild, ...cards.map(([node]) => node), ...waiting);
   cards.forEach(([, canvas, card], number) => thumbnails.add(canvas, card.model, number));
+  if (hadFocus) document.querySelector('[name="candidate"]:checked')?.focus();
 }
 
 function pick(id) {
   if (id === S.die) return;
   S.die = id;
   S.dress.size_mm = null;
-  clearThrows();
-  redress(false);
+  redress();
 }
 
 /* 3 Dress */
@@ -242,17 +260,19 @@ $('swatches').append(...SCHEMES.map(([name, colors], i) => make('label', { title
 let changing = 0;
 $('size').oninput = () => {
   S.dress.size_mm = Number($('size').value);
+  later();
   $('size-text').textContent = `${S.dress.size_mm} mm`;
-  later(redress);
 };
 $('texts').oninput = () => {
   S.dress.texts = $('texts').value.split(',').map((text) => text.trim());
-  later(redress);
+  later();
 };
 
-function later(act) {
+/** Dress the die when the fields are still. */
+function later() {
   clearTimeout(changing);
-  changing = setTimeout(act, CHANGE_MS);
+  expectDress();
+  changing = setTimeout(dress, CHANGE_MS);
 }
 
 function choose(key, value) {
@@ -263,9 +283,7 @@ function choose(key, value) {
     return drawTry();
   }
   S.dress[key] = value;
-  if (key === 'labels' && value === 'own' && !S.dress.texts) S.dress.texts = [...S.dressed.labels];
-  if (key !== 'printer') clearThrows();
-  drawDress(false);
+  if (key === 'labels' && value === 'own' && !S.dress.texts) S.dress.texts = [...(S.dressed?.labels ?? S.labels)];
   redress();
 }
 
@@ -277,37 +295,53 @@ function query(more = {}) {
   return { die: S.die, dress, ...more };
 }
 
-/** Get the die as dressed, show it, and then whether it prints. */
-async function redress(isSame = true) {
-  const signal = latest.dress(), id = S.die;
+function redress() {
+  expectDress();
+  dress();
+}
+
+/** The fields are ahead of the die: what is known of it no longer holds. */
+function expectDress() {
+  Object.assign(S, { isDressing: true, problem: null, printing: null });
   latest.print();
-  $('body').classList.toggle('is-busy', S.step === 'dress');
+  clearThrows();
+  drawDressing();
+}
+
+/** Get the die as dressed, show it, and then whether it prints. */
+const dress = takeTurns(async () => {
+  const asked = query(), key = JSON.stringify(asked), isCurrent = () => JSON.stringify(query()) === key;
   try {
-    const dressed = await postJson('/dress', query(), { signal });
-    S.dressed = dressed;
-    S.model = readMesh(dressed.mesh, S.dress.edges === 'fillet');
-    S.query = query();
-    showDie(isSame && S.shown === id);
-    S.shown = id;
-    if (['dress', 'try', 'take'].includes(S.step)) ({ dress: drawDress, try: drawTry, take: drawTake })[S.step]();
+    const dressed = await postJson('/dress', asked);
+    if (!isCurrent()) return;
+    Object.assign(S, { dressed, query: asked, model: readMesh(dressed.mesh, S.dress.edges === 'fillet') });
+    showDie(S.shown === S.die);
+    S.shown = S.die;
   } catch (error) {
-    if (isAborted(error)) return;
-    $('next').disabled = S.step === 'dress';
+    if (!isCurrent()) return;
     // What could be dressed before stays in view.
-    const act = S.dress.size_mm === null ? null : make('button', { type: 'button', textContent: 'Choose the size for me', onclick: () => { S.dress.size_mm = null; redress(); } });
-    showVerdict($('print-verdict'), 'bad', 'This does not fit.', shorten(error.message), act);
-  } finally {
-    if (!signal.aborted) $('body').classList.remove('is-busy');
+    S.problem = shorten(error.message);
   }
+  S.isDressing = false;
+  drawDressing();
+});
+
+/** Draw what depends on whether the die in view is the one that the fields describe. */
+function drawDressing() {
+  $('body').classList.toggle('is-busy', S.step === 'dress' && S.isDressing);
+  drawSteps();
+  if (S.step === 'pick') drawCards();
+  if (S.step === 'dress') drawDress();
 }
 
 /** Messages name keys of recipes first; the page has fields instead. */
-const shorten = (text) => text.replace(/^(engrave|edges|labels|size_mm|recipe)[\w.]*: /, '').replace(/^./, (c) => c.toUpperCase()).replace(/\.?$/, '.');
+const shorten = (text) => text.replace(/^(engrave|edges|labels|size_mm|recipe|target)[\w.]*: /, '').replace(/^./, (c) => c.toUpperCase()).replace(/[^.?!]$/, '$&.');
 
 function showDie(isSame = false) {
   if (!S.model || S.step === 'experts') return;
+  $('view').classList.remove('is-busy');
   showColors();
-  stage.show(S.model, { isSame });
+  stage.show(S.model, { moved: isSame ? [0, 0, 0] : null });
   stage.drawRuler(S.dressed.size_mm, getComputedStyle(document.body).color);
   stage.ruler.visible = S.step === 'dress';
   const { faces } = S.cards.find((card) => card.id === S.die) ?? {};
@@ -320,18 +354,22 @@ function showColors(only = null) {
   stage.redraw();
 }
 
-function drawDress(hasPrint = true) {
+function drawDress() {
   for (const input of document.querySelectorAll('[data-pane="dress"] .choice input')) input.checked = S.dress[input.name] === input.value;
   $('swatches').querySelectorAll('input').forEach((input, i) => { input.checked = i === S.scheme; });
   $('texts').hidden = S.dress.labels !== 'own';
   if (S.dress.labels === 'own' && document.activeElement !== $('texts')) $('texts').value = S.dress.texts.join(', ');
-  if (!S.dressed) return;
+  $('next').disabled = !isReady();
+  if (S.isDressing) return showVerdict($('print-verdict'), 'info', '', 'Checking whether it prints …');
+  if (S.problem) {
+    const act = S.dress.size_mm === null ? null : make('button', { type: 'button', textContent: 'Choose the size for me', onclick: () => { S.dress.size_mm = null; redress(); } });
+    return showVerdict($('print-verdict'), 'bad', '', S.problem, act);
+  }
   const size = S.dressed.size_mm;
   $('size').max = Math.max(60, Math.ceil(size));
   $('size').value = size;
   $('size-text').textContent = `${+size.toFixed(1)} mm`;
-  $('next').disabled = false;
-  if (hasPrint) drawPrinting();
+  drawPrinting();
 }
 
 async function drawPrinting() {
@@ -370,6 +408,7 @@ function clearThrows() {
   S.counts = S.counts.map(() => 0);
   S.series = (S.series ?? 0) + 1;
   S.isBusy = false;
+  S.finish = null;
   $('result').hidden = true;
 }
 
@@ -396,10 +435,10 @@ function drawTally() {
 async function judge() {
   const series = S.series;
   try {
-    const says = await postJson('/judge', { ...S.query, counts: S.counts, table: table() });
+    const says = await postJson('/judge', { ...S.query, counts: S.counts, table: table() }, { signal: latest.judge() });
     if (series === S.series) showVerdict($('tally-verdict'), says.style, '', says.text);
   } catch (error) {
-    showVerdict($('tally-verdict'), 'bad', '', error.message);
+    if (!isAborted(error)) showVerdict($('tally-verdict'), 'bad', '', error.message);
   }
 }
 
@@ -408,23 +447,27 @@ async function throwIt(count) {
   S.isBusy = true;
   $('throw-one').disabled = $('throw-many').disabled = true;
   $('result').hidden = true;
-  const series = S.series, isCurrent = () => series === S.series && S.step === 'try';
+  const { series } = S, isCurrent = () => series === S.series;
   try {
     const thrown = await postJson('/throw', { ...S.query, count, table: table(), seed: Math.floor(Math.random() * 2 ** 31) });
     if (!isCurrent()) return;
-    const before = [...S.counts];
+    const before = S.counts, after = before.map((value, i) => value + thrown.counts[i]);
     const finish = () => {
       if (!isCurrent()) return;
-      S.counts = before.map((value, i) => value + thrown.counts[i]);
-      S.isBusy = false;
+      Object.assign(S, { counts: after, isBusy: false, finish: null, series: series + 1 });
+      if (S.step !== 'try') return;
       if (count === 1) announce(thrown.outcome);
       drawTry();
     };
-    if (count === 1) stage.play(thrown.motion, () => (S.dressed.is_read_on_top || thrown.outcome < 0 ? finish() : stage.lift(thrown.down, finish)));
-    else fillTally(before, thrown, isCurrent, finish);
+    S.finish = finish;
+    if (S.step !== 'try') finish();
+    else if (count > 1) fillTally(before, thrown, isCurrent, finish);
+    else stage.play(thrown.motion, () => (S.dressed.is_read_on_top || thrown.outcome < 0 ? finish() : stage.lift(thrown.down, finish)));
   } catch (error) {
+    if (!isCurrent()) return;
     S.isBusy = false;
     drawTry();
+    latest.judge();
     showVerdict($('tally-verdict'), 'bad', '', error.message);
   }
 }
@@ -432,6 +475,8 @@ async function throwIt(count) {
 /** One throw in view, while the tally fills. */
 function fillTally(before, thrown, isCurrent, finish) {
   stage.play(thrown.motion);
+  latest.judge();
+  showVerdict($('tally-verdict'), 'info', '', 'Throwing …');
   const queue = thrown.counts.flatMap((count, outcome) => Array(count).fill(outcome));
   for (let i = queue.length - 1; i > 0; i--) {
     const j = Math.floor(Math.random() * (i + 1));
@@ -452,9 +497,10 @@ function fillTally(before, thrown, isCurrent, finish) {
 }
 
 function announce(outcome) {
-  $('result').hidden = outcome < 0;
-  if (outcome < 0) return;
-  $('result').replaceChildren(chip(S.dressed.labels[outcome], S.colors[outcome], S.texts[outcome]), S.dressed.is_read_on_top ? 'on top' : 'on the face underneath');
+  const label = S.dressed.labels[outcome];
+  $('result').hidden = false;
+  if (label === undefined) return $('result').replaceChildren('It shows no outcome. Throw it again.');
+  $('result').replaceChildren(chip(label, S.colors[outcome], S.texts[outcome]), S.dressed.is_read_on_top ? 'on top' : 'on the face underneath');
 }
 
 /* 5 Take */
@@ -495,11 +541,14 @@ followTheme($('theme'), (isDark) => {
   stage.setDark(isDark);
   if (S.dressed) stage.drawRuler(S.dressed.size_mm, getComputedStyle(document.body).color);
 });
-if (start.body) go('experts');
-else {
+/** Show the first example. */
+async function begin() {
+  $('caption').textContent = '';
   $('target').value = start.examples[0];
-  go('roll');
   await readTarget();
   if (S.target) find(1);
 }
+
+go(start.body ? 'experts' : 'roll');
+if (!start.body) await begin();
 document.body.dataset.ready = 'true';

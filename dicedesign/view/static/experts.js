@@ -6,12 +6,11 @@ const OFF = 5e-4; // Probability from which a change is worth a sentence.
 const points = (p) => `${(100 * p).toPrecision(2).replace(/\.?0+$/, '')} percentage point${p === 0.01 ? '' : 's'}`;
 
 export class Experts {
-  /** page: `query` of the die in view, `hasDie`, and `leave`. */
+  /** page: `query` of the die in view, and `hasDie`. */
   constructor(stage, start, page) {
     Object.assign(this, { stage, start, page, body: start.body, first: start.body, drag: 'nothing', latest: takeLatest(), thrown: null, counts: null });
     this.choices = [['nothing', 'Nothing'], ['center', 'Center'], ['corner', 'Corner'], ['facet', 'Facet']];
     $('file').append(...start.bodies.map((name) => make('option', { value: name, textContent: name })));
-    $('files-row').hidden = start.bodies.length < 2;
     $('file').onchange = () => this.open('/body/open', { name: $('file').value });
     $('body-table').append(make('option', { value: '', textContent: 'no table' }), ...start.tables.map((name) => make('option', { value: name, textContent: name.replace('-', ' ') })));
     $('body-table').onchange = () => this.draw();
@@ -69,8 +68,16 @@ export class Experts {
 
   fail(error) {
     if (error.name === 'AbortError') return;
+    this.drawFile();
     $('body-error').textContent = error.message;
     $('body-error').hidden = false;
+  }
+
+  /** Name the file in view; a die or a mesh of one's own is none of the list. */
+  drawFile() {
+    const { bodies } = this.start, name = this.body?.name;
+    $('file').value = bodies.includes(name) ? name : '';
+    $('files-row').hidden = !bodies.length || (bodies.length === 1 && name === bodies[0]);
   }
 
   upload() {
@@ -82,17 +89,17 @@ export class Experts {
   /** Show a state of the body; `isNew` frames it. */
   accept(body, isNew = false) {
     if (!this.isOpen) return;
+    // The body stays in place when its center of mass moves.
+    const moved = isNew ? null : body.center.map((x, i) => x - this.body.center[i]);
     this.body = body;
     this.counts = null;
     $('body-tally').hidden = $('center-error').hidden = true;
     this.model = readMesh(body.mesh);
     this.color();
-    if (isNew) this.unit = null;
-    const { unit } = this.stage;
-    this.stage.show(this.model, { isSame: !isNew, unit: isNew ? null : unit });
-    this.stage.setGlass(this.drag === 'center');
-    this.stage.mark('center', this.drag === 'center' ? [0, 0, 0] : null);
-    if (this.drag !== 'corner') this.stage.mark('handle', null);
+    if (isNew) $('map').hidden = $('body-error').hidden = true;
+    this.stage.show(this.model, { moved, unit: isNew ? null : this.stage.unit });
+    this.drawFile();
+    this.drawDrag();
     $('title').textContent = body.name === 'die' ? 'This die' : body.name;
     $('caption').textContent = `${body.rests} stable poses`;
     if (!$('map').hidden) this.showMap();
@@ -152,7 +159,7 @@ export class Experts {
   }
 
   typeCenter() {
-    const center = [...'xyz'].map((axis) => Number($(`center-${axis}`).value.replace(',', '.')));
+    const center = [...'xyz'].map((axis) => Number($(`center-${axis}`).value.trim().replace(',', '.') || NaN));
     const isNumber = center.every(Number.isFinite);
     $('center-error').textContent = 'Write three numbers, in the unit of the mesh.';
     $('center-error').hidden = isNumber;
@@ -166,8 +173,20 @@ export class Experts {
 
   choose(drag) {
     this.drag = drag;
-    if (this.body) this.accept(this.body);
+    if (this.body) this.drawDrag();
   }
+
+  /** Show what can be dragged, and where it is. */
+  drawDrag() {
+    const { drag, held, stage, body } = this, isHull = drag === 'corner' || drag === 'facet';
+    stage.setGlass(drag === 'center');
+    stage.mark('center', drag === 'center' ? [0, 0, 0] : null);
+    stage.mark('handle', drag === 'corner' && held ? this.toView(held.at.map((x, i) => x + (held.by?.[i] ?? 0)), held, -1) : null);
+    $('drag-error').hidden = !isHull || body.hull !== null;
+  }
+
+  /** Point between the frames of the held body (`sign` 1: to it) and of the one in view, about their centers of mass. */
+  toView(point, held, sign) { return point.map((x, i) => x + sign * (this.body.center[i] - held.base.center[i])); }
 
   /** Begin to drag what is under the pointer. */
   grab(event) {
@@ -182,7 +201,6 @@ export class Experts {
       if (this.drag === 'corner') {
         const nearest = local.reduce((best, corner, i) => (distance(corner) < distance(local[best]) ? i : best), 0);
         this.held = { at: local[nearest], vertices: [nearest], base: this.body };
-        this.stage.mark('handle', local[nearest]);
       } else {
         const height = (facet) => hull.normals[facet].reduce((sum, x, i) => sum + x * (local[hull.facets[facet][0]][i] - point[i]), 0);
         const nearest = hull.facets.reduce((best, _, i) => (Math.abs(height(i)) < Math.abs(height(best)) ? i : best), 0);
@@ -191,6 +209,7 @@ export class Experts {
     }
     if (!this.held) return;
     this.held.from = this.stage.pointUnder(event, this.held.at);
+    this.drawDrag();
     this.stage.controls.enabled = false;
     this.stage.canvas.setPointerCapture(event.pointerId);
     event.preventDefault();
@@ -199,14 +218,16 @@ export class Experts {
   pull(event) {
     const { held } = this;
     if (!held?.from) return;
-    const to = this.stage.pointUnder(event, held.at);
+    const to = this.stage.pointUnder(event, this.toView(held.at, held, -1));
     if (!to) return;
-    let by = to.sub(held.from).toArray();
+    const from = held.from.toArray();
+    let by = this.toView(to.toArray(), held, 1).map((x, i) => x - from[i]);
     if (held.normal) {
       const along = held.normal.reduce((sum, x, i) => sum + x * by[i], 0);
       by = held.normal.map((x) => x * along);
     }
     const { state, center } = held.base;
+    held.by = by;
     held.isAsked ??= false;
     held.next = this.drag === 'center' ? { state, center: center.map((x, i) => x + by[i]) } : { state, vertices: held.vertices, by };
     if (!held.isAsked) this.send(held);
@@ -219,7 +240,7 @@ export class Experts {
       const { next } = held;
       held.next = null;
       try {
-        this.accept(await postJson('/body/change', next));
+        this.accept(await postJson('/body/change', next, { signal: this.latest() }));
       } catch (error) {
         this.fail(error);
       }
@@ -231,7 +252,7 @@ export class Experts {
     if (!this.held) return;
     this.held = null;
     this.stage.controls.enabled = true;
-    if (this.drag !== 'center') this.stage.mark('handle', null);
+    this.drawDrag();
   }
 
   async move(table, count) {

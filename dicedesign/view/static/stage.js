@@ -211,15 +211,18 @@ export class Stage {
 
   redraw(frames = 2) { this.frames = Math.max(this.frames, frames); }
 
-  /** Show a model on one of its rests; `isSame` keeps pose and camera, for another dress of the same die. */
-  show(model, { isSame = false, unit = null } = {}) {
+  /** Show a model on one of its rests; `moved`, of its origin, keeps pose and camera for another state of the same body. */
+  show(model, { moved = null, unit = null } = {}) {
     this.mesh.geometry.dispose();
     this.model = model;
     this.mesh.geometry = model.geometry;
     this.unit = unit ?? SIZE / model.radius;
     this.mesh.scale.setScalar(this.unit);
-    if (isSame) {
-      if (!this.film && !this.lifted) this.holder.position.z = -this.lowest(this.holder.quaternion);
+    if (moved) {
+      if (!this.film && !this.lifted) {
+        this.holder.position.add(new THREE.Vector3(...moved).multiplyScalar(this.unit).applyQuaternion(this.holder.quaternion));
+        this.holder.position.z = -this.lowest(this.holder.quaternion);
+      }
       this.pose = '';
       return this.redraw();
     }
@@ -279,6 +282,11 @@ export class Stage {
 
   /** Length scale on the table, as long as the die. */
   drawRuler(size, color) {
+    for (const { geometry, material } of this.ruler.children) {
+      material.map?.dispose();
+      material.dispose();
+      geometry.dispose();
+    }
     this.ruler.clear();
     const material = new THREE.MeshBasicMaterial({ color, transparent: true, opacity: 0.75, toneMapped: false });
     const bar = (width, height, x) => {
