@@ -11,7 +11,7 @@ import numpy as np
 
 from dicedesign.errors import InputError, NoStartError
 from dicedesign.fabricate.die import Design, Solid
-from dicedesign.geometry.meshes.body import Body, make_body
+from dicedesign.geometry.meshes.body import Body, body_of, make_body
 from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.optimize.coordinates import orbits_of_directions
 from dicedesign.optimize.options import MOST_ROUNDS, RefineOptions
@@ -184,8 +184,15 @@ def forecast_throws(
 
 
 def forecast(work: Work) -> None:
-    """Set the expected frequencies of the finished die when thrown."""
-    work.forecast = forecast_throws(work, work.solid, work.die, work.target, work.final.body)
+    """Set the expected frequencies of the finished die when thrown.
+
+    The momentum model is made from dice with sharp edges, and takes the strips of rounded ones for
+    facets to roll over; so the hull inside rounded edges stands for the die.
+    """
+    body, core = work.final.body, work.finished.core
+    if work.recipe.edges is not None and core is not None:
+        body = body_of(core.surface)
+    work.forecast = forecast_throws(work, work.solid, work.die, work.target, body)
 
 
 def throw(work: Work) -> None:

@@ -224,6 +224,16 @@ def test_what_is_there_does_not_wait_for_what_is_made() -> None:
         assert slow.result() == "slow"
 
 
+@compiled_only
+def test_rounded_edges_leave_a_symmetric_die_right_when_thrown(shop: Shop) -> None:
+    news = list[dict[str, Any]]()
+    shop.find_dice({"text": "d7", "count": 1}, news.append, lambda: None)
+    query = {"die": news[0]["die"]["id"], "dress": {"edges": "fillet"}}
+    np.testing.assert_allclose(shop.dress(query)["thrown"], 1 / 7, atol=2e-3)
+    thrown = shop.throw({**query, "table": "board-game", "count": 1000, "seed": 1})
+    assert chi_square(np.array(thrown["counts"]), np.full(7, 1 / 7)).p_value > 1e-3
+
+
 def test_a_design_that_nobody_wants_ends(shop: Shop) -> None:
     news = list[dict[str, Any]]()
 
