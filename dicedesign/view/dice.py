@@ -31,6 +31,7 @@ from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target, recipe_text
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.parts import READINGS, Candidate, Status
+from dicedesign.results.verdict import ANY_HAND
 from dicedesign.view.meshes import CodedMesh, die_mesh
 from dicedesign.view.throwing import judge_throws, throw_body
 from dicedesign.view.viewed_body import ViewedBody, outcomes_of
@@ -45,9 +46,6 @@ MAX_PROBABILITIES = 40
 
 KEPT_DIES = 24
 """Designs, and finished dice, that are kept in memory."""
-
-ANY_HAND = 5e-4
-"""Total variation for nine in ten hands below which a die is right in any hand."""
 
 MAX_ADVISED_MM = 100.0
 """Largest size that is advised for the sake of fine labels."""
