@@ -199,7 +199,7 @@ class Sheet(Figure):
         left, top = (round(x * DPI / POINTS) * POINTS / DPI for x in (left, top))
         bottom = top + width * picture.shape[0] / picture.shape[1]
         extent = (left, left + width, bottom, top)
-        self.drawing.imshow(picture, extent=extent, aspect="auto", interpolation="auto")
+        self.drawing.imshow(picture, extent=extent, aspect="auto", interpolation="antialiased")
 
     @with_style
     def add_key(self, handles: Sequence[Artist], top: float) -> None:
