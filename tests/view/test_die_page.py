@@ -19,6 +19,8 @@ from dicedesign.rest.poses import rest_poses
 
 SIZES = {"laptop": (1280, 800), "desktop": (1920, 1080), "phone": (390, 844)}
 
+FULL = pytest.mark.full
+
 Open = Callable[..., DiePage]
 
 
@@ -46,7 +48,7 @@ def check_nothing_overlaps(opened: DiePage) -> None:
 
 @compiled_only
 @pytest.mark.parametrize(
-    "name", ["laptop", "phone", pytest.param("desktop", marks=pytest.mark.full)]
+    "name", ["phone", *(pytest.param(name, marks=FULL) for name in ("laptop", "desktop"))]
 )
 def test_the_way_to_a_file(open_page: Open, tmp_path: Path, name: str) -> None:
     """Type, pick, dress, try, take; each step looks right, and the file has the probabilities."""
@@ -100,6 +102,7 @@ def test_the_way_to_a_file(open_page: Open, tmp_path: Path, name: str) -> None:
 
 
 @compiled_only
+@FULL
 def test_fields_and_die_are_one_state(open_page: Open) -> None:
     """Nobody gets a die, a count or a step of an earlier choice, however fast the clicks."""
     opened = open_page()
@@ -153,6 +156,7 @@ def test_fields_and_die_are_one_state(open_page: Open) -> None:
     opened.check()
 
 
+@FULL
 def test_two_tabs_are_two_sessions(open_page: Open) -> None:
     opened = open_page()
     other = DiePage.open(opened.served, opened.page.context)
