@@ -37,6 +37,9 @@ def checkout(repository: Path, tmp_path: Path) -> Path:
     (folder / "tests" / "common").mkdir(parents=True)
     for name in ("conftest", "common/paths", "common/programs", "common/session"):
         shutil.copy(repository / "tests" / f"{name}.py", folder / "tests" / f"{name}.py")
+    # What `conftest` imports from beside the tests.
+    (folder / "tests" / "benchmarks").mkdir()
+    shutil.copy(repository / "benchmarks" / "browser.py", folder / "tests" / "benchmarks")
     (folder / "tests" / "test_data.py").write_text(TESTS)
     models = tmp_path / "shared" / "data" / "models"
     models.mkdir(parents=True)
