@@ -403,7 +403,8 @@ def _texts(values: Iterable[float | None], form: str) -> list[str]:
 
 def view(options: ViewArguments) -> int:
     """Serve the page of `dicedesign view`."""
-    from dicedesign.view.application import serve_view
+    from dicedesign.view.application import make_page
+    from dicedesign.view.server import serve
 
-    serve_view(options.path, options.port, browser=not options.no_browser)
+    serve(partial(make_page, options.path), options.port, browser=not options.no_browser)
     return 0

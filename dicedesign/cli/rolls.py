@@ -115,12 +115,13 @@ def _serve_page(
     die: Result | None,
 ) -> None:
     """Serve a page that logs throws until an interrupt."""
-    from dicedesign.view.rolls_page import RollsPage, serve_rolls
+    from dicedesign.view.rolls_page import RollsPage
+    from dicedesign.view.server import serve
 
     name = options.die.name if die is None else die.name
     page = RollsPage(log, probabilities, judge, name, die)
     with suppress(KeyboardInterrupt):
-        serve_rolls(page, options.port, phone=options.phone, browser=not options.no_browser)
+        serve(page.app, options.port, phone=options.phone, browser=not options.no_browser)
     log.reload()
 
 

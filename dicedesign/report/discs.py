@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -227,3 +228,9 @@ def basin_outlines(
         (disc, [[disc.to_paper(ring) for ring in rings] for rings in basins.outlines])
         for disc, basins in zip(place_discs(poses, width), map_basins(poses), strict=True)
     ]
+
+
+def svg_path(rings: Sequence[Floats]) -> str:
+    """Path of closed polygons (m, 2) in SVG."""
+    texts = (" ".join(f"{x:.1f},{y:.1f}" for x, y in ring.tolist()) for ring in rings)
+    return "".join(f"M{text}Z" for text in texts)

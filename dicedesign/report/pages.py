@@ -28,7 +28,7 @@ from dicedesign.report.colored_die import (
     main_rest,
     reading_views,
 )
-from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines
+from dicedesign.report.discs import MAP_SIZE, RADIUS, basin_outlines, svg_path
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.raster import (
     UP,
@@ -42,7 +42,6 @@ from dicedesign.report.renderer import render_on_table
 from dicedesign.results.parts import Draft, Search, Status, TableResult
 from dicedesign.results.result import Result
 from dicedesign.results.verdict import judge
-from dicedesign.runtime.arrays import Floats
 from dicedesign.throws.engines import ENGINES
 from dicedesign.throws.tables import Spread, Table, most_of, scale
 
@@ -144,16 +143,10 @@ def _environment() -> Environment:
         "lengths": _lengths,
         "ends": _ends,
         "scaled": scale,
-        "svg_path": _svg_path,
+        "svg_path": svg_path,
         "text_color": text_color,
     }
     return environment
-
-
-def _svg_path(rings: Sequence[Floats]) -> str:
-    """Path of closed polygons (m, 2) in SVG."""
-    texts = (" ".join(f"{x:.1f},{y:.1f}" for x, y in ring.tolist()) for ring in rings)
-    return "".join(f"M{text}Z" for text in texts)
 
 
 def _template_file(name: str) -> str:

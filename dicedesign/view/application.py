@@ -1,10 +1,9 @@
-"""Routes of the page, and how it starts and ends."""
+"""Routes of the page of dice and bodies."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-import socket
 import sys
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -15,19 +14,18 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from dicedesign.errors import printable
-from dicedesign.fabricate.finish_options import ICON_NAMES
 from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.palette import BLANK
 from dicedesign.throws.tables import TABLE_NAMES
 from dicedesign.view.bodies import Bodies
 from dicedesign.view.dice import Shop, Stopped
-from dicedesign.view.server import Gate, make_app, open_socket, require_server, serve
+from dicedesign.view.server import Gate, make_app
 from dicedesign.view.sources import open_source
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
 
-__all__ = ["make_page", "serve_view"]
+__all__ = ["make_page"]
 
 EXAMPLES = ("d7", "2d6", "1/2, 1/3, 1/6", "50%, 30%, 20%", "1:1:1:1:1:2", "binomial: 4")
 """Texts that the page offers."""
@@ -53,8 +51,7 @@ def make_page(path: Path | None, gate: Gate) -> Starlette:
         return {
             "examples": EXAMPLES,
             "tables": TABLE_NAMES,
-            "printers": [[one.name, one.line.partition(",")[0]] for one in PRINTERS],
-            "icons": len(ICON_NAMES),
+            "printers": [printer.name for printer in PRINTERS],
             "blank": BLANK,
             "bodies": bodies.names,
             "body": first,
@@ -122,22 +119,3 @@ def _stream_dice(shop: Shop, query: Mapping[str, Any]) -> Any:
             is_stopped.set()
 
     return StreamingResponse(lines(), media_type="application/x-ndjson")
-
-
-def serve_view(path: Path | None, port: int, *, browser: bool) -> None:
-    """Serve the page, and print its address, until an interrupt.
-
-    path: as in `make_page`. port: for this machine alone; 0 is any free port. browser: opens a
-    browser on this machine, if it has a screen.
-
-    Raises InputError: the path or the port cannot be used, or the extra "view" is not installed.
-    """
-    require_server()
-    listening: socket.socket = open_socket(port)
-    gate = Gate(listening.getsockname()[1])
-    try:
-        page = make_page(path, gate)
-    except BaseException:
-        listening.close()
-        raise
-    serve(page, listening, gate.address, browser=browser)

@@ -20,7 +20,7 @@ import numpy as np
 from dicedesign.errors import DiceError, InputError
 from dicedesign.geometry.meshes.reading import read_body, stl_bytes
 from dicedesign.palette import BLANK, INK, outcome_colors, text_color
-from dicedesign.report.discs import RADIUS, basin_outlines
+from dicedesign.report.discs import RADIUS, basin_outlines, svg_path
 from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.view.dice import Shop
 from dicedesign.view.meshes import CodedMesh, body_mesh
@@ -238,11 +238,10 @@ def _map_svg(viewed: ViewedBody) -> str:
             f'<g clip-path="url(#disc{number})" stroke="{INK}" stroke-width="0.7">',
         ]
         for row, rings in zip(rows, outlines, strict=True):
-            path = "".join(
-                "M" + "L".join(f"{px:.2f} {py:.2f}" for px, py in ring) + "Z" for ring in rings
-            )
-            if path:
-                parts.append(f'<path fill="{colors[row]}" fill-rule="evenodd" d="{path}"/>')
+            if rings:
+                parts.append(
+                    f'<path fill="{colors[row]}" fill-rule="evenodd" d="{svg_path(rings)}"/>'
+                )
         parts.append(f'</g><circle {circle} fill="none" stroke="{INK}" stroke-width="1.1"/>')
         for row, normal, probability in zip(rows, poses.normals, poses.probabilities, strict=True):
             if probability < MIN_LABEL_PROBABILITY or disc.heights(normal) <= 0.0:

@@ -22,6 +22,7 @@ import numpy as np
 from dicedesign.errors import DiceError, InputError, LabelRoomError
 from dicedesign.fabricate.file_formats import FILE_FORMATS, file_bytes
 from dicedesign.fabricate.finish_options import ICON_NAMES
+from dicedesign.fabricate.label_reading import Reading
 from dicedesign.geometry.meshes.body import body_of
 from dicedesign.optimize.targets import Target
 from dicedesign.palette import outcome_colors, text_color
@@ -30,7 +31,7 @@ from dicedesign.recipe.output import die_contents, draw_figures, write_page
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target, recipe_text
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.results.parts import READINGS, Candidate, Status
+from dicedesign.results.parts import Candidate, Status
 from dicedesign.results.verdict import ANY_HAND
 from dicedesign.view.meshes import CodedMesh, die_mesh
 from dicedesign.view.throwing import judge_throws, throw_body
@@ -113,6 +114,12 @@ class FinishedWork:
     """A dressed die, and what is only computed on demand."""
 
     work: Work
+
+    @property
+    def reading(self) -> Reading:
+        """Way to read the labels, which each die of the page has."""
+        assert self.work.reading is not None
+        return self.work.reading
 
     @cached_property
     def printed(self) -> Work:
@@ -201,14 +208,16 @@ class Shop:
         return None
 
     def find_dice(
-        self, query: Mapping[str, Any], emit: Callable[[dict[str, Any]], None], check: Callable
+        self,
+        query: Mapping[str, Any],
+        emit: Callable[[dict[str, Any]], None],
+        check: Callable[[], None],
     ) -> None:
         """Design dice for a target, and emit each when it is ready, and their order at the end.
 
         query: "text", and "count" of dice, `CANDIDATES` by default. emit: receives {"die": ...} for
         each, {"order": [numbers]} at the end, or {"error": text}. check: raises `Stopped`.
         """
-
         text, wanted = str(query["text"]).strip(), int(query.get("count", CANDIDATES))
 
         def on_candidate(facts: Candidate, target: Target, design: Any) -> None:
@@ -258,7 +267,7 @@ class Shop:
             "id": key,
             "name": facts.name.partition(" of ")[0].partition(",")[0].capitalize(),
             "faces": facts.faces,
-            "is_read_on_top": work.reading is None or work.reading.way != "down",
+            "is_read_on_top": finished.reading.way != "down",
             "hands": hands,
             "style": style,
             "size_mm": work.recipe.size_mm,
@@ -329,26 +338,21 @@ class Shop:
         return finished.viewed, finished.mesh
 
     def dress(self, query: Mapping[str, Any]) -> dict[str, Any]:
-        """A die with its labels and edges: its mesh, labels, verdict and probabilities."""
+        """A die with its labels and edges: its mesh, labels and verdict."""
         finished = self._find(query)
-        work, result = finished.work, finished.work.result()
+        work, forecast = finished.work, finished.work.forecast
         style, hands = _thrown_style(work)
-        forecast = work.forecast
         return {
             "mesh": finished.mesh_data,
             "labels": work.target.labels,
             "size_mm": work.recipe.size_mm,
             "style": style,
             "hands": hands,
-            "message": result.message.splitlines()[0],
-            "reading": READINGS["down" if work.reading is None else work.reading.way],
-            "is_read_on_top": work.reading is not None and work.reading.way != "down",
-            "target": result.target,
-            "set_down": result.printed_probabilities,
-            "thrown": None if forecast is None else forecast.probabilities,
+            "message": work.message.splitlines()[0],
+            "reading": finished.reading.sentence,
+            "is_read_on_top": finished.reading.way != "down",
+            "target": work.target.probabilities.tolist(),
             "table": None if forecast is None else forecast.table,
-            "margin_deg": result.least_margin_deg,
-            "notes": result.notes,
         }
 
     def printing(self, query: Mapping[str, Any]) -> dict[str, Any]:

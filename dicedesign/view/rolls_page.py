@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import secrets
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
@@ -15,33 +14,21 @@ import numpy as np
 from dicedesign.errors import check_whole
 from dicedesign.palette import outcome_colors, text_color
 from dicedesign.results.result import Result
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Integers
 from dicedesign.throws.goodness_of_fit import ADVICE, RollVerdict
 from dicedesign.throws.roll_log import RollLog
-from dicedesign.view.server import (
-    ANYWHERE,
-    LOOPBACK,
-    Gate,
-    make_app,
-    network_address,
-    open_socket,
-    require_server,
-    serve,
-)
+from dicedesign.view.server import Gate, make_app
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
 
-__all__ = ["RollsPage", "serve_rolls"]
+__all__ = ["RollsPage"]
 
 FACE_PIXELS = 192
 """Side of a picture, twice its side on the page."""
 
 FACE_COLORS = 32
 """Number of colors of a picture; more would add kilobytes."""
-
-KEY_BYTES = 9
-"""Random bytes of the secret in the address; 12 characters, as they are typed on a phone."""
 
 
 class RollsPage:
@@ -120,10 +107,12 @@ class RollsPage:
 
 def _face_pictures(die: Result) -> Iterator[tuple[str, str]]:
     """Yield outcomes with PNG pictures, as URLs, of the die from the side where each is read."""
+    from PIL import Image
+
     from dicedesign.geometry.meshes.reading import read_body
     from dicedesign.report.colored_die import reading_sides
     from dicedesign.report.raster import Camera, frame_cameras
-    from dicedesign.report.renderer import RenderMesh
+    from dicedesign.report.renderer import RenderMesh, render_clear
 
     assert die.folder is not None
     body = read_body(die.folder / die.files.get("die", die.files["die_plain"]))
@@ -136,43 +125,8 @@ def _face_pictures(die: Result) -> Iterator[tuple[str, str]]:
     surface = RenderMesh(body.points, body.triangles, smooth=die.concave is not None)
     framed = frame_cameras(list(cameras.values()), [body.points] * len(cameras))
     for outcome, camera in zip(cameras, framed, strict=True):
-        url = base64.b64encode(_transparent_png(surface, camera)).decode()
+        picture = render_clear(surface, camera, FACE_PIXELS, np.zeros((FACE_PIXELS, FACE_PIXELS)))
+        buffer = io.BytesIO()
+        Image.fromarray(picture).quantize(FACE_COLORS).save(buffer, "PNG", optimize=True)
+        url = base64.b64encode(buffer.getvalue()).decode()
         yield outcome, f"data:image/png;base64,{url}"
-
-
-def _transparent_png(surface: Any, camera: Any) -> bytes:
-    """PNG picture of a surface on no background."""
-    from PIL import Image
-
-    from dicedesign.report.renderer import render
-
-    black: Floats = np.zeros((FACE_PIXELS, FACE_PIXELS))
-    on_white, on_black = (
-        render(surface, camera, FACE_PIXELS, backdrop=paper).astype(np.float64)
-        for paper in (None, black)
-    )
-    opacity = 255.0 - (on_white - on_black).mean(axis=2)
-    color = 255.0 * on_black / np.maximum(opacity, 1.0)[..., None]
-    pixels = np.dstack([color, opacity]).clip(0.0, 255.0).astype(np.uint8)
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).quantize(FACE_COLORS).save(buffer, "PNG", optimize=True)
-    return buffer.getvalue()
-
-
-def serve_rolls(page: RollsPage, port: int, *, phone: bool, browser: bool) -> None:
-    """Serve the page, and print its address, until an interrupt.
-
-    port: 0 is any free port. phone: for all devices in the local network that have the address,
-    which has a secret; else for this machine alone. browser: opens a browser on this machine, if it
-    has a screen.
-
-    Raises InputError: the port cannot be used, there is no network for a phone, or the extra "view"
-    is not installed.
-    """
-    require_server()
-    host, key = LOOPBACK, ""
-    if phone:
-        host, key = network_address(), secrets.token_urlsafe(KEY_BYTES)
-    listening = open_socket(port, ANYWHERE if phone else LOOPBACK)
-    gate = Gate(listening.getsockname()[1], host, key)
-    serve(page.app(gate), listening, gate.address, browser=browser)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import socket
 import sys
 import webbrowser
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.types import ASGIApp, Receive, Scope, Send
 
-__all__ = ["Gate", "make_app", "network_address", "open_socket", "require_server", "serve"]
+__all__ = ["Gate", "make_app", "open_socket", "serve"]
 
 LOOPBACK = "127.0.0.1"
 
@@ -35,6 +36,9 @@ LOOPBACK_NAMES = frozenset({"localhost", LOOPBACK})
 
 STATIC = Path(__file__).parent / "static"
 """Folder of the pages, their styles and their scripts."""
+
+KEY_BYTES = 9
+"""Random bytes of the secret in the address; 12 characters, as they are typed on a phone."""
 
 MAX_BODY_BYTES = 256 * 2**20
 """Largest body of a request; meshes are sent whole."""
@@ -223,26 +227,47 @@ def network_address() -> str:
         return str(probe.getsockname()[0])
 
 
-def serve(app: Starlette, listening: socket.socket, address: str, *, browser: bool) -> None:
-    """Serve an application, and print its address, until an interrupt.
+def serve(
+    make: Callable[[Gate], Starlette], port: int, *, browser: bool, phone: bool = False
+) -> None:
+    """Serve a page, and print its address, until an interrupt.
 
+    Parameters
+    ----------
+    make: returns the application for a gate. Its errors come before the page opens.
+    port: 0 is any free port.
     browser: opens a browser on this machine, if it has a screen.
+    phone: for all devices in the local network that have the address, which has a secret; else for
+        this machine alone.
 
-    Raises KeyboardInterrupt at the end.
+    Raises KeyboardInterrupt at the end. Raises InputError: the port cannot be used, there is no
+    network for a phone, or the extra "view" is not installed.
     """
+    require_server()
+    host, key = LOOPBACK, ""
+    if phone:
+        host, key = network_address(), secrets.token_urlsafe(KEY_BYTES)
+    with closing(open_socket(port, ANYWHERE if phone else LOOPBACK)) as listening:
+        gate = Gate(listening.getsockname()[1], host, key)
+        app = make(gate)
+        print(gate.address, flush=True)
+        # Without a screen, a text browser would take over the terminal.
+        has_screen = sys.platform in ("darwin", "win32") or any(
+            os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+        )
+        if browser and has_screen:
+            webbrowser.open(gate.address)
+        run(app, listening)
+    raise KeyboardInterrupt("the page is closed")
+
+
+def run(app: Starlette, listening: socket.socket) -> None:
+    """Answer requests to an application until an interrupt."""
     import uvicorn
 
     config = uvicorn.Config(
         app, log_level="critical", ws="none", timeout_graceful_shutdown=1, timeout_keep_alive=60
     )
-    # Without a screen, a text browser would take over the terminal.
-    has_screen = sys.platform in ("darwin", "win32") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
-    print(address, flush=True)
-    if browser and has_screen:
-        webbrowser.open(address)
     # It raises the signal again that ended it.
-    with closing(listening), suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt):
         uvicorn.Server(config).run(sockets=[listening])
-    raise KeyboardInterrupt("the page is closed")

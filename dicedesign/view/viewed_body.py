@@ -77,9 +77,6 @@ def decimate(points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
 SAME_REST_ANGLE = np.radians(20.0)
 """A rest keeps its number if its facet turns by at most this angle in one move."""
 
-VISIBLE_PART = 1e-5
-"""A mesh that lacks less than this part of the volume of its hull looks convex."""
-
 ELSEWHERE = "other"
 """Label of the row for rests without an outcome."""
 
@@ -122,14 +119,10 @@ class ProbabilityRow:
     Attributes
     ----------
     label: label of the outcome, or number of the rest.
-    color: index of the color, which dragging does not change.
-    rest: most probable rest of the row; -1 without any.
     probability: probability without momentum; target: target probability, or None.
     """
 
     label: str
-    color: int
-    rest: int
     probability: float
     target: float | None = None
 
@@ -146,14 +139,6 @@ class ViewedShape:
 
     body: Body
     poses: RestPoses
-
-    @cached_property
-    def is_convex(self) -> bool:
-        """Whether the mesh is indistinguishable from its hull."""
-        if self.body.triangles is None:
-            return False
-        hull = self.poses.hull.surface
-        return abs(self.body.surface.volume) >= (1.0 - VISIBLE_PART) * hull.volume
 
     @cached_property
     def inertia(self) -> Floats:
@@ -239,31 +224,16 @@ class ViewedBody:
     @cached_property
     def rows(self) -> tuple[ProbabilityRow, ...]:
         """One row per rest, by number; or one row per outcome, and one for the other rests."""
-        probabilities = self.poses.probabilities
         if self.outcomes is None:
-            return tuple(
-                ProbabilityRow(str(number + 1), number, rest, float(probabilities[rest]))
-                for number, rest in sorted((n, r) for r, n in enumerate(self.numbers.tolist()))
-            )
+            pairs = sorted(zip(self.numbers, self.poses.probabilities, strict=True))
+            return tuple(ProbabilityRow(str(n + 1), float(p)) for n, p in pairs)
         labels, target = self.outcomes.labels, self.outcomes.target
         outcomes = self._outcome_probabilities
-        main = outcomes.main.tolist()
-        of_face = range(len(main)) if self.outcomes.outcome_of is None else self.outcomes.outcome_of
-        # The most probable rest of an outcome comes last.
-        pairs = sorted(zip(main, of_face, strict=True), reverse=True)
-        rests = {labels[outcome]: rest for rest, outcome in pairs if rest >= 0}
-        columns = zip(
-            labels,
-            range(len(labels)),
-            [rests.get(label, -1) for label in labels],
-            outcomes.probabilities.tolist(),
-            [None] * len(labels) if target is None else target.tolist(),
-            strict=True,
-        )
+        wanted = [None] * len(labels) if target is None else target.tolist()
+        columns = zip(labels, outcomes.probabilities.tolist(), wanted, strict=True)
         rows = [ProbabilityRow(*values) for values in columns]
-        others = np.flatnonzero(outcomes.outcome_of_rest < 0)
-        if len(others):
-            rows.append(ProbabilityRow(ELSEWHERE, len(rows), int(others[0]), outcomes.elsewhere))
+        if (outcomes.outcome_of_rest < 0).any():
+            rows.append(ProbabilityRow(ELSEWHERE, outcomes.elsewhere))
         return tuple(rows)
 
     @cached_property
@@ -308,10 +278,6 @@ class ViewedBody:
         changed = self._analyze(hull, center, has_uniform_center=is_uniform)
         body = Body(hull.vertices, hull.triangles, self.shape.body.name, False, ())
         return replace(changed, shape=ViewedShape(body, changed.poses), is_dragged=True)
-
-    def with_numbers_of(self, other: ViewedBody) -> ViewedBody:
-        """Number the rests as in another body of nearly equal shape."""
-        return replace(self, numbers=_match_numbers(self.poses, other.poses, other.numbers))
 
     def _analyze(self, hull: ConvexHull, center: Floats, *, has_uniform_center: bool) -> ViewedBody:
         source = "uniform solid hull" if has_uniform_center else "given"

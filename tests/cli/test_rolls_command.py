@@ -203,13 +203,12 @@ def test_only_a_page_for_phones_is_open_to_the_network(
     pytest.importorskip("uvicorn")
     served = []
 
-    def serve(app: object, listening: socket.socket, address: str, *, browser: bool) -> None:
+    def run(app: object, listening: socket.socket) -> None:
+        address = capsys.readouterr().out.splitlines()[-1]
         served.append((listening.getsockname()[0], address))
-        listening.close()
-        raise KeyboardInterrupt
 
-    monkeypatch.setattr("dicedesign.view.rolls_page.serve", serve)
-    monkeypatch.setattr("dicedesign.view.rolls_page.network_address", lambda: "192.0.2.7")
+    monkeypatch.setattr("dicedesign.view.server.run", run)
+    monkeypatch.setattr("dicedesign.view.server.network_address", lambda: "192.0.2.7")
     page = ["rolls", str(die), "--log", str(log), "--page", "--port", "0"]
     for more in ([], ["--phone"], ["--phone"]):
         assert main([*page, *more]) == 0

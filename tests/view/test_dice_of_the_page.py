@@ -229,7 +229,9 @@ def test_rounded_edges_leave_a_symmetric_die_right_when_thrown(shop: Shop) -> No
     news = list[dict[str, Any]]()
     shop.find_dice({"text": "d7", "count": 1}, news.append, lambda: None)
     query = {"die": news[0]["die"]["id"], "dress": {"edges": "fillet"}}
-    np.testing.assert_allclose(shop.dress(query)["thrown"], 1 / 7, atol=2e-3)
+    forecast = shop.work(query).forecast
+    assert forecast is not None
+    np.testing.assert_allclose(forecast.probabilities, 1 / 7, atol=2e-3)
     thrown = shop.throw({**query, "table": "board-game", "count": 1000, "seed": 1})
     assert chi_square(np.array(thrown["counts"]), np.full(7, 1 / 7)).p_value > 1e-3
 

@@ -116,8 +116,9 @@ def test_rows_of_a_die_are_its_outcomes() -> None:
         [row.probability for row in viewed.rows], [*probabilities, 1.0 - sum(probabilities)]
     )
     assert [row.target for row in viewed.rows] == [0.25, 0.25, 0.25, 0.25, None]
-    for row, way in zip(viewed.rows, directions, strict=False):
-        np.testing.assert_allclose(viewed.poses.normals[row.rest], way, atol=1e-12)
+    for row, way in enumerate(directions):
+        (rest,) = np.flatnonzero(viewed.row_of_rest == row)
+        np.testing.assert_allclose(viewed.poses.normals[rest], way, atol=1e-12)
 
 
 def test_outcomes_with_several_faces_are_their_sums() -> None:

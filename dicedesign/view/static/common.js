@@ -46,9 +46,9 @@ export async function download(path, value, name) {
 
 const MARKS = {
   ok: ['Good: ', '<circle cx="10" cy="10" r="9" fill="currentColor"/><path d="m5.8 10.4 2.9 2.9 5.6-6.2" fill="none" stroke="var(--card)" stroke-width="2" stroke-linecap="round" stroke-linejoin="round"/>'],
-  warn: ['Caution: ', '<path d="M10 1.8 19 18H1Z" fill="currentColor" stroke="currentColor" stroke-width="1.6" stroke-linejoin="round"/><path d="M10 7.400v5M10 14.800v.6" stroke="var(--card)" stroke-width="2" stroke-linecap="round"/>'],
-  bad: ['Not yet: ', '<path d="M6.3 1.200h7.400l5.1 5.100v7.400l-5.1 5.100H6.300l-5.1-5.100V6.300Z" fill="currentColor"/><path d="m7 7 6 6m0-6-6 6" stroke="var(--card)" stroke-width="2" stroke-linecap="round"/>'],
-  info: ['', '<circle cx="10" cy="10" r="8" fill="none" stroke="currentColor" stroke-width="1.8"/><path d="M10 9v5M10 5.800v.6" stroke="currentColor" stroke-width="2" stroke-linecap="round"/>'],
+  warn: ['Caution: ', '<path d="M10 1.8 19 18H1Z" fill="currentColor" stroke="currentColor" stroke-width="1.6" stroke-linejoin="round"/><path d="M10 7.4v5M10 14.8v.6" stroke="var(--card)" stroke-width="2" stroke-linecap="round"/>'],
+  bad: ['Not yet: ', '<path d="M6.3 1.2h7.4l5.1 5.1v7.4l-5.1 5.1H6.3l-5.1-5.1V6.3Z" fill="currentColor"/><path d="m7 7 6 6m0-6-6 6" stroke="var(--card)" stroke-width="2" stroke-linecap="round"/>'],
+  info: ['', '<circle cx="10" cy="10" r="8" fill="none" stroke="currentColor" stroke-width="1.8"/><path d="M10 9v5M10 5.8v.6" stroke="currentColor" stroke-width="2" stroke-linecap="round"/>'],
 };
 
 /** Mark of a status: a shape of its own, and a word for those who do not see it. */
@@ -143,6 +143,15 @@ export function takeTurns(act) {
     isRunning = false;
   };
 }
+
+/** Tell which row of a table is pointed at; null for none. */
+export function watchRows(body, act) {
+  body.onmouseover = (event) => { const row = event.target.closest('tr'); if (row) act(row.sectionRowIndex); };
+  body.onmouseleave = () => act(null);
+}
+
+/** Options of a menu of tables. */
+export const tableOptions = (names) => names.map((name) => make('option', { value: name, textContent: name.replace('-', ' ') }));
 
 /** Light or dark colors: as chosen here, else as the system. */
 export function followTheme(button, onChange = () => {}) {

@@ -1,5 +1,5 @@
 // The five steps from a wish to a file. All state is in `S`; the server keeps none.
-import { $, chip, download, followTheme, make, mark, percent, post, postJson, sentence, showVerdict, takeLatest, takeTurns, tallyRows } from './common.js';
+import { $, chip, download, followTheme, make, mark, percent, post, postJson, sentence, showVerdict, takeLatest, tableOptions, takeTurns, tallyRows, watchRows } from './common.js';
 import { Experts } from './experts.js';
 import { paint, readMesh, Stage, Thumbnails } from './stage.js';
 
@@ -59,7 +59,7 @@ function go(step) {
   stage.isHeld = false;
   drawSteps();
   if (isExpert) {
-    setTitle('For experts', 'experts');
+    setTitle('For experts', 'Rests of a body, and what moves them');
     experts.enter();
   } else {
     setTitle(step === 'pick' && S.found ? `Dice for ${S.found}` : TITLES[step], `Step ${ORDER.indexOf(step) + 1} of ${ORDER.length}`);
@@ -78,7 +78,7 @@ function go(step) {
 
 function setTitle(title, eyebrow) {
   $('title').textContent = title;
-  $('eyebrow').textContent = eyebrow === 'experts' ? 'Rests of a body, and what moves them' : eyebrow;
+  $('eyebrow').textContent = eyebrow;
   $('live').textContent = title;
 }
 
@@ -248,7 +248,7 @@ function pick(id) {
 }
 
 /* 3 Dress */
-CHOICES.printer = start.printers.map(([name]) => [name, { fdm: 'Filament', sla: 'Resin', sls: 'Powder' }[name] ?? name]);
+CHOICES.printer = start.printers.map((name) => [name, { fdm: 'Filament', sla: 'Resin', sls: 'Powder' }[name] ?? name]);
 for (const choice of document.querySelectorAll('.choice[data-key]')) {
   const key = choice.dataset.key;
   choice.append(...(CHOICES[key] ?? experts.choices).map(([value, text]) => make('label', {},
@@ -386,7 +386,7 @@ async function drawPrinting() {
 }
 
 /* 4 Try */
-$('table').append(...start.tables.map((name) => make('option', { value: name, textContent: name.replace('-', ' ') })));
+$('table').append(...tableOptions(start.tables));
 $('table').onchange = () => {
   S.table = $('table').value;
   clearThrows();
@@ -399,10 +399,7 @@ $('clear').onclick = () => {
   drawTry();
   $('throw-one').focus();
 };
-for (const body of [$('tally')]) {
-  body.onmouseover = (event) => { const row = event.target.closest('tr'); if (row) showColors(row.sectionRowIndex); };
-  body.onmouseleave = () => showColors();
-}
+watchRows($('tally'), showColors);
 
 function clearThrows() {
   S.counts = S.counts.map(() => 0);

@@ -1,5 +1,5 @@
 // The tab for experts: rests of any body, its Gauss map, and dragging its center of mass, corners and facets.
-import { $, barRows, chip, download, make, postJson, showVerdict, takeLatest } from './common.js';
+import { $, barRows, chip, download, make, postJson, showVerdict, tableOptions, takeLatest, watchRows } from './common.js';
 import { paint, readMesh } from './stage.js';
 
 const OFF = 5e-4; // Probability from which a change is worth a sentence.
@@ -8,11 +8,11 @@ const points = (p) => `${(100 * p).toPrecision(2).replace(/\.?0+$/, '')} percent
 export class Experts {
   /** page: `query` of the die in view, and `hasDie`. */
   constructor(stage, start, page) {
-    Object.assign(this, { stage, start, page, body: start.body, first: start.body, drag: 'nothing', latest: takeLatest(), thrown: null, counts: null });
+    Object.assign(this, { stage, start, page, body: start.body, first: start.body, drag: 'nothing', latest: takeLatest(), counts: null });
     this.choices = [['nothing', 'Nothing'], ['center', 'Center'], ['corner', 'Corner'], ['facet', 'Facet']];
     $('file').append(...start.bodies.map((name) => make('option', { value: name, textContent: name })));
     $('file').onchange = () => this.open('/body/open', { name: $('file').value });
-    $('body-table').append(make('option', { value: '', textContent: 'no table' }), ...start.tables.map((name) => make('option', { value: name, textContent: name.replace('-', ' ') })));
+    $('body-table').append(make('option', { value: '', textContent: 'no table' }), ...tableOptions(start.tables));
     $('body-table').onchange = () => this.draw();
     $('body-release').onclick = () => this.move(null, 1);
     $('body-throw').onclick = () => this.move(this.table(), 1);
@@ -25,8 +25,7 @@ export class Experts {
     $('upload').onchange = () => this.upload();
     for (const axis of 'xyz') $(`center-${axis}`).onchange = () => this.typeCenter();
     const rows = $('body-rows');
-    rows.onmouseover = (event) => { const row = event.target.closest('tr'); if (row) this.color(row.sectionRowIndex); };
-    rows.onmouseleave = () => this.color();
+    watchRows(rows, (row) => this.color(row));
     rows.onclick = (event) => { const row = event.target.closest('tr'); if (row) this.standOn(row.sectionRowIndex); };
     stage.canvas.addEventListener('pointerdown', (event) => this.grab(event), { capture: true });
     stage.canvas.addEventListener('pointermove', (event) => this.pull(event));
