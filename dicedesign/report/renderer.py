@@ -53,6 +53,9 @@ STEP_SAMPLES = 2.0
 MIN_LINE_SAMPLES = 24
 """Number of samples of the shortest lines that are drawn."""
 
+CHUNK_SAMPLES = 1 << 17
+"""Number of samples that are shaded at once, which limits memory."""
+
 GLASS = np.array([0.52, 0.57, 0.62])
 """Color of clear glass."""
 
@@ -195,26 +198,26 @@ def _surface_layer(
     left = covered[..., None] - lines * covered[..., None]
     share, height = sample_means(covered * 1.0), sample_means(np.where(covered, depth, 0.0))
     recess = _recess_shade(share, height, 0.02 * side)
-    sample = np.flatnonzero(covered)
-    triangle = triangle_of_pixel.ravel()[sample]
-    if surface.smooth or surface.colors is not None:
-        corners = positions[surface.triangles]
+    corners = positions[surface.triangles]
+    turned = surface.corner_normals @ camera.frame().T if surface.smooth else None
+    behind = recess.repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1).ravel()
+    samples = np.zeros((fine * fine, 1 if surface.colors is None else 3))
+    seen = np.flatnonzero(covered)
+    for start in range(0, len(seen), CHUNK_SAMPLES):
+        sample = seen[start : start + CHUNK_SAMPLES]
+        triangle = triangle_of_pixel.ravel()[sample]
         weights, is_front = _weights(corners, triangle, *np.divmod(sample, fine))
-    if surface.smooth:
-        turned = surface.corner_normals @ camera.frame().T
-        sides = np.where(is_front, 1.0, -1.0)[:, None]
-        shade = brightness(_normalize(_mix(turned, triangle, weights) * sides))
-    else:
-        shade = brightness(flat)[triangle]
-    if surface.colors is None:
-        full, tint = recess[..., None] * MATERIAL, shade[:, None]
-    else:
-        behind = recess.repeat(SAMPLES, axis=0).repeat(SAMPLES, axis=1).ravel()[sample]
-        dark = 1.0 - shade * behind
-        colors = _mix(surface.colors[surface.triangles], triangle, weights)
-        full, tint = np.ones(3), colors * (1.0 - PAINT_SHADE * dark)[:, None]
-    samples = np.zeros((fine * fine, tint.shape[1]))
-    samples[sample] = tint * left.reshape(-1, 1)[sample]
+        normals = flat[triangle]
+        if turned is not None:
+            sides = np.where(is_front, 1.0, -1.0)[:, None]
+            normals = _normalize(_mix(turned[triangle], weights) * sides)
+        shade = brightness(normals)
+        tint = shade[:, None]
+        if surface.colors is not None:
+            colors = _mix(surface.colors[surface.triangles[triangle]], weights)
+            tint = colors * (1.0 - PAINT_SHADE * (1.0 - shade * behind[sample]))[:, None]
+        samples[sample] = tint * left.reshape(-1, 1)[sample]
+    full = recess[..., None] * MATERIAL if surface.colors is None else np.ones(3)
     color = full * sample_means(samples.reshape(fine, fine, -1))
     lined = sample_means(lines)
     return color + lined * LINE, sample_means(left) + lined
@@ -285,9 +288,9 @@ def _weights(
     return weights / weights.sum(axis=1, keepdims=True), doubled[triangle] < 0.0
 
 
-def _mix(values: Floats, triangle: Integers, weights: Floats) -> Floats:
-    """Means (m, 3), by weights (m, 3), of values (t, 3, 3) at the corners of triangles (m,)."""
-    return np.asarray(np.einsum("mk,mkc->mc", weights, values[triangle]))
+def _mix(values: Floats, weights: Floats) -> Floats:
+    """Means (m, 3), by weights (m, 3), of values (m, 3, 3) at the corners of triangles."""
+    return np.asarray(np.einsum("mk,mkc->mc", weights, values))
 
 
 def blur(pixels: Floats, reach: float) -> Floats:
@@ -336,14 +339,14 @@ def _outline(
     def parts(one: Integers, other: Integers, offset: tuple[float, float], apart: int) -> Booleans:
         """Whether an edge or a step parts samples, a number of samples apart."""
         first, second = normals[triangle[one]], normals[triangle[other]]
+        parted = (first * second).sum(-1) < np.cos(np.radians(sharp_degrees))
         # Distance of each of two surface points from the plane of the other.
         rise = height[other] - height[one]
         away = [np.abs(apart * (n[:, :2] @ offset) + n[:, 2] * rise) for n in (first, second)]
-        sharp = (first * second).sum(-1) < np.cos(np.radians(sharp_degrees))
-        corners = triangles[triangle[one]], triangles[triangle[other]]
-        meet = (corners[0][:, :, None] == corners[1][:, None]).any(axis=(1, 2))
-        step = (np.minimum(*away) > STEP_SAMPLES) & ~meet
-        return np.asarray(sharp | step)
+        step = np.flatnonzero(~parted & (np.minimum(*away) > STEP_SAMPLES))
+        ends = [triangles[triangle[sample[step]]] for sample in (one, other)]
+        parted[step] = ~(ends[0][:, :, None] == ends[1][:, None]).any(axis=(1, 2))
+        return np.asarray(parted)
 
     for step, offset in ((1, (1.0, 0.0)), (side, (0.0, -1.0))):
         # Within a triangle there is neither an edge nor a step.
@@ -354,13 +357,14 @@ def _outline(
         inner = np.flatnonzero(~border)
         both = sample[inner]
         border[inner] = parts(both, both + step, offset, 1)
-        # The samples before and after these, on the body and in the same row or column.
-        before, after = both - step, both + 2 * step
+        # They also part the samples before and after, on the body and in the same row or column.
+        inner = inner[border[inner]]
+        before, after = sample[inner] - step, sample[inner] + 2 * step
         known = (before >= 0) & (after < len(triangle))
         if step == 1:
-            known &= (before // side == both // side) & (after // side == both // side)
+            known &= before // side == after // side
         known[known] &= (triangle[before[known]] >= 0) & (triangle[after[known]] >= 0)
-        border[inner[known]] &= parts(before[known], after[known], offset, 3)
+        border[inner[known]] = parts(before[known], after[known], offset, 3)
         line[sample[border]] = True
         line[sample[border] + step] = True
     # Where a step is hardly one, it comes and goes.
