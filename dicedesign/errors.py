@@ -15,6 +15,7 @@ from numbers import Real
 from typing import TypeGuard
 
 __all__ = [
+    "CheckpointError",
     "DegenerateBodyError",
     "DiceError",
     "EngravingError",
@@ -39,6 +40,10 @@ class DiceError(Exception):
 
 class InputError(DiceError, ValueError):
     """An input cannot be used; the message says what to give instead."""
+
+
+class CheckpointError(InputError):
+    """A checkpoint is of other work, or the work keeps none."""
 
 
 class MeshFileError(InputError):

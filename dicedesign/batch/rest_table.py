@@ -368,7 +368,8 @@ class RestTable:
         data = read_file(path, "a table of an earlier run")
         try:
             return entries_of(decode(data))
-        except (ValueError, csv.Error) as error:
+        except Exception as error:
+            # Errors of CSV, JSON or Parquet and of missing entries all mean another file.
             raise InputError(
                 f"{path}: expected a table of an earlier run or no file, but "
                 f"{' '.join(str(error).split())}; choose another with --out"

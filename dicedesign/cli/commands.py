@@ -13,6 +13,7 @@ from typing import Literal
 from dicedesign.cli.shared_options import (
     Command,
     WithBody,
+    WithFiles,
     WithItem,
     WithJson,
     WithPage,
@@ -138,7 +139,7 @@ class SweepArguments(WithWorkers):
 
 
 @dataclass
-class RestArguments(WithBody, WithWorkers):
+class RestArguments(WithBody, WithWorkers, WithFiles):
     help_text = """List the resting poses of meshes with their probabilities.
 
     Given a folder, writes a table of all meshes in it (--out); repeat the command to resume. A 3MF
@@ -154,7 +155,7 @@ class RestArguments(WithBody, WithWorkers):
     prior (PRIOR): of a mesh: distribution of the direction down at release (default: uniform):
         vmf:x,y,z:CONCENTRATION, half:x,y,z, cap:x,y,z:DEGREES or samples:FILE.csv
     figure (FILE): draw the Morse-Smale complex, as .pdf, .svg or .png
-    out (TABLE): table to write or resume, .csv, .json or .parquet (needs the extra 'parquet')
+    out (TABLE): table to write or resume, .csv, .json or .parquet (extra 'parquet')
     jobs (J): of a table: parallel processes (default: one per core)
 
     Example: dicedesign rest die.stl --table board-game"""
@@ -189,7 +190,7 @@ class DropArguments(WithBody):
 
 
 @dataclass
-class PoseArguments(WithRests, WithJson, WithWorkers):
+class PoseArguments(WithRests, WithJson, WithWorkers, WithFiles):
     help_text = """Place meshes on a plane in their resting poses.
 
     A mesh stands on the plane z = 0 in its most probable pose or another one, with the center of
@@ -222,7 +223,7 @@ class PoseArguments(WithRests, WithJson, WithWorkers):
 
 
 @dataclass
-class ScatterArguments(WithJson):
+class ScatterArguments(WithJson, WithFiles):
     help_text = """Scatter the meshes of a folder on a floor in random resting poses.
 
     Poses are drawn by their probabilities, angles uniformly. Convex hulls seen from above do not
@@ -251,7 +252,7 @@ class ScatterArguments(WithJson):
 
 
 @dataclass
-class FigureArguments(WithRests):
+class FigureArguments(WithRests, WithFiles):
     help_text = """Draw a figure of a mesh, a finished die or a recipe.
 
     Options:
@@ -275,7 +276,7 @@ class FigureArguments(WithRests):
 
 
 @dataclass
-class RepairArguments(WithItem):
+class RepairArguments(WithItem, WithFiles):
     help_text = """Repair a mesh into the closed surface of one solid.
 
     A mesh that is open, non-manifold, in several pieces or self-intersecting becomes the surface of
@@ -297,7 +298,7 @@ class RepairArguments(WithItem):
 
 
 @dataclass
-class BalanceArguments(WithItem, WithJson):
+class BalanceArguments(WithItem, WithJson, WithFiles):
     help_text = """Move the center of mass of a mesh until it rests as you want.
 
     Adds a cavity, or infill of two densities. Give one goal: --equal, --stand, --stand-down,
@@ -373,7 +374,7 @@ class ThrowArguments(WithItem, WithJson, WithWorkers):
 
 
 @dataclass
-class RollsArguments(WithItem, WithJson, WithPage):
+class RollsArguments(WithItem, WithJson, WithPage, WithFiles):
     help_text = """Test your own throws of a die.
 
     Compares counts with the die's probabilities: exact intervals, a test, the total variation, and

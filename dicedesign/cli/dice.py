@@ -68,7 +68,7 @@ GREEN, YELLOW, RED = 32, 33, 31
 
 def run_recipe(options: RunArguments) -> int:
     """Make a die from a recipe."""
-    return _run(read_recipe(options.recipe, options.set), options)
+    return _run(read_recipe(options.recipe, options.set), options, inputs=[options.recipe])
 
 
 def design(options: DesignArguments) -> int:
@@ -156,9 +156,11 @@ def _name_options() -> Iterator[None]:
         raise
 
 
-def _run(recipe: Recipe, options: WithResults, *, enlarge: bool = False) -> int:
+def _run(
+    recipe: Recipe, options: WithResults, *, enlarge: bool = False, inputs: Sequence[Path] = ()
+) -> int:
     """Run a recipe with the options applied, and print the result. Returns the exit code: 0
-    converged, 1 not converged.
+    converged, 1 not converged. enlarge, inputs: as in `run`.
 
     Raises InputError for an unknown format or printer, and as `run`.
     """
@@ -189,7 +191,12 @@ def _run(recipe: Recipe, options: WithResults, *, enlarge: bool = False) -> int:
             partial(on_part, 0, None), on_step, on_round, describe, on_part=on_part
         )
         result = run(
-            recipe, options.out, enlarge=enlarge, resume=options.resume, callbacks=callbacks
+            recipe,
+            options.out,
+            enlarge=enlarge,
+            resume=options.resume,
+            callbacks=callbacks,
+            inputs=inputs,
         )
     print_notes(*result.notes)
     _print_result(result)
@@ -349,8 +356,8 @@ def make_dice_set(options: SetArguments) -> int:
 def sweep(options: SweepArguments) -> int:
     """Make a die for each combination of values of a recipe's keys, and rank them."""
     from dicedesign.results.folder import open_results_folder
-    from dicedesign.sweep.dice import check_starts, combine, is_made, make_dice
-    from dicedesign.sweep.ranking import PAGE, TABLE, write_sweep
+    from dicedesign.sweep.dice import check_starts, combine, made_die, make_dice
+    from dicedesign.sweep.ranking import LIST, PAGE, TABLE, write_sweep
 
     if options.seeds is not None:
         check_whole("--seeds", options.seeds)
@@ -358,17 +365,22 @@ def sweep(options: SweepArguments) -> int:
     title = read_recipe(options.recipe).name
     folder = options.out or Path("outputs") / f"{title}_sweep"
     missing = {
-        name: die for name, die in combinations.items() if not is_made(folder / name, die.recipe)
+        name: die
+        for name, die in combinations.items()
+        if made_die(folder / name, die.recipe) is None
     }
     check_starts(missing)
     total, done = len(combinations), len(combinations) - len(missing)
     faults: dict[str, str] = {}
-    with open_results_folder(folder):
+    inputs = [options.recipe]
+    with open_results_folder(folder, [PAGE, TABLE, LIST], inputs):
         if missing:
             with workers_of(options, "dice", total, done) as workers:
                 advance = workers.bar.update
                 try:
-                    faults = make_dice(folder, missing, workers.executor, workers.jobs, advance)
+                    faults = make_dice(
+                        folder, missing, workers.executor, workers.jobs, advance, inputs
+                    )
                 except KeyboardInterrupt as interrupt:
                     message = "repeat the command to make the other dice"
                     raise KeyboardInterrupt(message) from interrupt

@@ -1,7 +1,8 @@
 """Command line: parser, exit codes and error messages.
 
 Data go to stdout, progress and notes to stderr. Exit codes: 0 done, 1 not converged, 2 bad input
-or an output that cannot be written, 3 unexpected error, 130 interrupted.
+or an output that cannot be written, 3 unexpected error, 130 interrupted, 143 ended by SIGTERM, 129
+by a terminal that closed.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from dicedesign.cli.commands import (
 )
 from dicedesign.cli.shared_options import Command
 from dicedesign.errors import DiceError, InputError, printable
+from dicedesign.runtime.interrupts import exit_code, signals_interrupt
 
 __all__ = ["main"]
 
@@ -69,6 +71,15 @@ UNEXPECTED = 3
 STREAM_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """System errors of a full or closed stream; files raise `OutputError` instead."""
 
+LITTLE_MEMORY = (
+    "bad_alloc",
+    "allocate memory",
+    "failed to map segment",
+    "Cannot allocate",
+    "start new thread",
+)
+"""Texts in errors of libraries, and of modules that cannot be loaded, for lack of memory."""
+
 OPTION = r"^(\w+)(?: \((.*?)\))?: (.*(?:\n .*)*)"
 """Name, placeholder and description of an option in a `help_text`."""
 
@@ -90,18 +101,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     given = list(sys.argv[1:] if arguments is None else arguments)
     words = [word for word in given if word != DEBUG]
-    try:
-        code = _run(words)
-        sys.stdout.flush()
-        return code
-    except (KeyboardInterrupt, Exception) as error:
-        code, message = _describe_error(error)
-        if code == UNEXPECTED and len(words) < len(given):
-            raise
-        if message:
-            with contextlib.suppress(OSError):
-                print(f"dicedesign: {printable(message)}", file=sys.stderr, flush=True)
-        return code
+    with signals_interrupt():
+        try:
+            code = _run(words)
+            sys.stdout.flush()
+        except (KeyboardInterrupt, Exception) as error:
+            code, message = _describe_error(error)
+            if code == UNEXPECTED and len(words) < len(given):
+                raise
+            if message:
+                with contextlib.suppress(OSError):
+                    print(f"dicedesign: {printable(message)}", file=sys.stderr, flush=True)
+    return exit_code(code)
 
 
 def _run(words: list[str]) -> int:
@@ -164,8 +175,16 @@ def _describe_error(error: BaseException) -> tuple[int, str]:
             f"stdout: expected an output that takes what is printed, got {error.strerror!r}; make "
             "room or send it elsewhere"
         )
-    if isinstance(error, MemoryError):
-        return 2, "memory: expected enough for this input, got too little; take a smaller one"
+    if isinstance(error, MemoryError) or any(text in str(error) for text in LITTLE_MEMORY):
+        return 2, (
+            "memory: expected enough for this input, got too little; take a smaller one, close "
+            "other programs, or raise the limit (ulimit -v)"
+        )
+    if isinstance(error, OSError) and "temporary" in str(error):
+        return 2, (
+            "temporary folder: expected one that can be written, got none; make room, or name one "
+            "by the environment variable TMPDIR"
+        )
     return UNEXPECTED, (
         f"unexpected error, {type(error).__name__}: {error}; please report it with your command "
         f"and its output with {DEBUG}"

@@ -21,6 +21,7 @@ from dicedesign.cli.commands import (
 from dicedesign.cli.options import (
     FIGURE_ENDINGS,
     center_of_mass,
+    check_outputs,
     direction,
     numbers,
     percents,
@@ -75,7 +76,7 @@ def pose_meshes(options: PoseArguments) -> int:
                 f"--out: expected meshes with different names, got {other} and {job.source}, which "
                 f"would both be {job.target}; pose them one after the other"
             )
-        _refuse_overwriting(job.source, job.target, "another path than the mesh's own")
+    check_outputs(options, *sources)
     if len(jobs) > 1 or jobs[0].target != options.out:
         for folder in sorted({job.target.parent for job in jobs}):
             make_writable_folder(folder)
@@ -159,12 +160,6 @@ def _list_jobs(options: PoseArguments) -> Iterator[PoseJob]:
             yield PoseJob(mesh / name if is_folder else mesh, name, target)
 
 
-def _refuse_overwriting(source: Path, target: Path, expected: str) -> None:
-    """Raise InputError if source and target are the same file."""
-    if os.path.exists(target) and os.path.exists(source) and os.path.samefile(target, source):
-        raise InputError(f"--out: expected {expected}, got {target}; take another")
-
-
 MAX_BODIES = 20_000
 """Limit of `--count`."""
 
@@ -177,7 +172,8 @@ def scatter(options: ScatterArguments) -> int:
     check_whole("--count", options.count, most=MAX_BODIES)
     check_whole("--seed", options.seed, least=0, most=MOST_SEED)
     require_ending("--out", options.out, ".glb")
-    require_figure("--figure", options.figure)
+    check_outputs(options, options.out)
+    require_figure(options, options.figure)
     sides = None if options.floor is None else numbers("--floor", options.floor, "w,d")
     lengths = [("--floor", side) for side in sides or ()]
     if options.size is not None:
@@ -253,14 +249,15 @@ def repair(options: RepairArguments) -> int:
 
     mesh, out = options.mesh, _repaired_path(options)
     kind = format_of_ending(out.suffix, str(out))
-    _refuse_overwriting(mesh, out, "another file than the mesh")
+    picture = out.with_name(f"{out.stem}_repair.png")
+    check_outputs(options, out, picture)
     with open_output_folder(out.parent), progress_bar("repair"):
         surface, notes, repaired = input_surface(read_body(mesh, options.item), FINEST, repair=True)
         points = np.asarray(np.linalg.solve(kind.frame, surface.points.T).T, np.float64)
         contents = {out: mesh_bytes(points, surface.triangles, out.suffix, str(out))}
         if repaired is not None:
             figure = draw_repair(repaired, upward_of(mesh), width=PAGE_WIDTH)
-            contents[out.with_name(f"{out.stem}_repair.png")] = figure_bytes(figure, ".png")
+            contents[picture] = figure_bytes(figure, ".png")
         write_files(contents)
     print_notes(*notes)
     if repaired is not None:
@@ -304,6 +301,7 @@ def balance(options: BalanceArguments) -> int:
     """Write a mesh with its center of mass moved toward a goal."""
     from dicedesign.balance.balanced import balance_body
     from dicedesign.balance.options import BalanceOptions
+    from dicedesign.balance.ways import MODIFIER
     from dicedesign.report.paper import PAGE_WIDTH
     from dicedesign.report.sheet import figure_bytes
     from dicedesign.report.surface_figures import balance as draw_balance
@@ -323,8 +321,9 @@ def balance(options: BalanceArguments) -> int:
                 f"--out: expected a folder or a file that ends in .stl, got {file}; rename it"
             )
         file /= "balanced.stl"
+    ends = (MODIFIER, "_balance.png", "_balance.json")
+    check_outputs(options, file, *(file.with_name(file.stem + end) for end in ends))
     with open_output_folder(file.parent), progress_bar("balance") as bar:
-        _refuse_overwriting(options.mesh, file, "another file than the mesh")
         body = read_body(options.mesh, options.item)
         result = balance_body(body, goal, settings, on_way=bar.set_description_str)
         contents = {
@@ -443,6 +442,7 @@ def draw_figure(options: FigureArguments) -> int:
             )
     out = options.out or Path(f"{options.subject.resolve().stem}_{options.kind}.png")
     require_ending("--out", out, *FIGURE_ENDINGS, *([] if kind.table is None else [".csv"]))
+    check_outputs(options, out)
     width = COLUMN_WIDTH if options.width is None else options.width
     if not MIN_WIDTH <= width <= MAX_WIDTH:
         raise InputError(
@@ -464,6 +464,8 @@ def draw_figure(options: FigureArguments) -> int:
             data = kind.table(subject).encode()
         else:
             data = figure_bytes(kind.draw(subject), out.suffix)
+    if subject.result is not None:
+        print_notes(*subject.result.changes())
     atomic_write(out, data)
     print_files([out])
     return 0

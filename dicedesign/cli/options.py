@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dicedesign.cli.shared_options import WithWorkers
+from dicedesign.cli.shared_options import WithFiles, WithWorkers
 from dicedesign.errors import InputError, printable
 from dicedesign.kernels import ops as kernels
 from dicedesign.runtime.files import json_text
+from dicedesign.runtime.outputs import check_files
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -98,10 +100,33 @@ def require_ending(option: str, path: Path, *endings: str) -> None:
         raise InputError(f"{option}: expected a path that ends in {names}, got {path}; rename it")
 
 
-def require_figure(option: str, path: Path | None) -> None:
-    """Raise InputError with the option's name if a path is none of a figure."""
+def require_figure(options: WithFiles, path: Path | None) -> None:
+    """Raise InputError if a path given by --figure is none of a figure, or as `check_outputs`."""
     if path is not None:
-        require_ending(option, path, *FIGURE_ENDINGS)
+        require_ending("--figure", path, *FIGURE_ENDINGS)
+        check_outputs(options, path, option="--figure")
+
+
+OUTPUTS = ("out", "file", "figure", "log")
+"""Arguments that name files to write."""
+
+
+def check_outputs(options: WithFiles, *paths: Path | None, option: str = "--out") -> None:
+    """Raise InputError if files to write are there already, or are inputs.
+
+    options: of the command; what they name besides `OUTPUTS` is an input. paths: files to write,
+    None for none. option: that names them. Raises as `check_files`.
+    """
+    inputs = []
+    for field in fields(options):
+        value = getattr(options, field.name)
+        for each in value if isinstance(value, list | tuple) else (value,):
+            if field.name not in OUTPUTS and isinstance(each, str | Path):
+                # Such as FILE:DENSITY and samples:FILE.
+                parts = (str(each), *re.split("[:=,]", str(each)))
+                inputs += [Path(part) for part in parts if part]
+    given = [path for path in paths if path is not None]
+    check_files(given, inputs, overwrite=options.overwrite, option=option)
 
 
 def print_files(paths: Iterable[Path]) -> None:

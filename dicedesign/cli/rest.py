@@ -46,7 +46,7 @@ def list_rests(options: RestArguments) -> int:
                 f"--{name}: expected a folder of meshes, got {meshes[0]}; leave --{name} out, or "
                 "name a folder or a table with --out"
             )
-    require_figure("--figure", options.figure)
+    require_figure(options, options.figure)
     settings = _settings(options, map(str, meshes))
     bodies = [
         (mesh, source)

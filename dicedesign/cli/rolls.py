@@ -26,7 +26,8 @@ from dicedesign.errors import InputError, printable
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Integers
-from dicedesign.runtime.files import atomic_write, hold_interrupts
+from dicedesign.runtime.files import atomic_write
+from dicedesign.runtime.interrupts import hold_interrupts
 from dicedesign.throws import goodness_of_fit
 from dicedesign.throws.goodness_of_fit import ADVICE, POWER, WITHIN, RollVerdict
 from dicedesign.throws.roll_log import RollLog, read_counts
@@ -46,7 +47,7 @@ def judge_rolls(options: RollsArguments) -> int:
             f"--confidence: expected at least {LEAST_CONFIDENCE:g} and less than 1, got "
             f"{options.confidence:g}; 0.95 is usual"
         )
-    require_figure("--figure", options.figure)
+    require_figure(options, options.figure)
     _check_page(options)
     labels, probabilities, source, die = _read_probabilities(options.die, options.item)
     if len(labels) < 2:
@@ -138,6 +139,7 @@ def _read_probabilities(
         labels = [str(i + 1) for i in range(len(poses.probabilities))]
         return labels, poses.probabilities.tolist(), "geometric probabilities of its rests", None
     die = read_result(path)
+    print_notes(*die.changes())
     if not die.converged:
         print_notes(f"{path}: this die does not meet its target ({die.status})")
     return list(die.labels), list(die.target), "target of its design", die

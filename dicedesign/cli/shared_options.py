@@ -32,6 +32,13 @@ class WithJson(Command):
 
 
 @dataclass(kw_only=True)
+class WithFiles(Command):
+    help_text = """Options:
+    overwrite: replace files that are there"""
+    overwrite: bool = False
+
+
+@dataclass(kw_only=True)
 class WithWorkers(Command):
     help_text = """Options:
     jobs (J): parallel processes (default: one per core, or per thread of the cluster)
@@ -63,7 +70,7 @@ class WithRests(WithItem):
     help_text = """Options:
     com (x,y,z|hull): center of mass, or hull: that of the uniform convex hull (default: of the
         uniform solid; hull for point clouds and open meshes)
-    coplanar_tolerance (T): merge hull triangles this near to one plane, over half the extent"""
+    coplanar_tolerance (T): merge hull triangles this near to a plane, over half the extent"""
     com: str | None = None
     coplanar_tolerance: float | None = None
 

@@ -105,6 +105,7 @@ def throw(options: ThrowArguments) -> int:
 def _read_finished(options: ThrowArguments) -> tuple[Body, RestPoses, list[str | None]]:
     """Read the plain solid of a finished die, and the labels of its rests."""
     die = read_result(options.die)
+    print_notes(*die.changes())
     center = np.array(die.center_of_mass)
     body, poses = find_poses(read_body(die.plain_file), options.com, center=center)
     normals = np.array([normal for _, normal in die.outcome_normals]).reshape(-1, 3)

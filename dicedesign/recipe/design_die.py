@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.optimize.targets import Target
-from dicedesign.recipe.pipeline import Callbacks, Work, finish, run_stages
+from dicedesign.recipe.pipeline import Callbacks, Work, finish, output_names, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target
 from dicedesign.recipe.recipe import NAME, Recipe
 from dicedesign.results.parts import Status
@@ -157,7 +157,8 @@ class Die:
     def report(self, folder: Path | str) -> Result:
         """Write the files of `run`: solids, result.json, recipe, figures and report.html.
 
-        folder: made if missing; names the die. Raises OutputError if it cannot be written.
+        folder: made if missing; names the die. Raises InputError if it has other files of these
+        names, and OutputError if it cannot be written.
         """
         from dicedesign.results.folder import open_results_folder
 
@@ -165,7 +166,7 @@ class Die:
         work.folder = folder
         if re.fullmatch(NAME, folder.name):
             work.recipe = self.recipe.model_copy(update={"name": folder.name})
-        with open_results_folder(folder):
+        with open_results_folder(folder, output_names(work.recipe, folder)):
             run_stages(work, after="throws")
             return finish(work)
 

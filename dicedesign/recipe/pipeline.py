@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import copy
-import dataclasses
-import hashlib
 import math
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,12 +13,19 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from dicedesign.errors import InputError
+from dicedesign.errors import CheckpointError
 from dicedesign.optimize.targets import Target
 from dicedesign.recipe.callbacks import Callbacks
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
-from dicedesign.results.folder import CHECKPOINT, PAGE, RECIPE, open_results_folder, write_results
+from dicedesign.results.folder import (
+    CHECKPOINT,
+    PAGE,
+    RECIPE,
+    SOLIDS,
+    open_results_folder,
+    write_results,
+)
 from dicedesign.results.parts import Candidate, Concave, Search, Status, TableResult, ThrowForecast
 from dicedesign.results.print_parts import Printability
 from dicedesign.results.result import (
@@ -34,6 +40,7 @@ from dicedesign.results.result import (
     StageTime,
 )
 from dicedesign.runtime.checkpoint import Checkpoint
+from dicedesign.runtime.outputs import checksum, file_checksum
 from dicedesign.runtime.registry import Extension, Registry
 from dicedesign.runtime.workers import one_tensor_thread
 from dicedesign.throws.engines import CONTACT_LAW
@@ -417,6 +424,7 @@ def run(
     enlarge: bool = False,
     resume: bool = False,
     callbacks: Callbacks | None = None,
+    inputs: Sequence[Path] = (),
 ) -> Result:
     """Design, check, engrave and report one die, and write the results.
 
@@ -434,21 +442,24 @@ def run(
         millimeters at which they do, and write it into the recipe.
     resume: resume from the checkpoint in the folder.
     callbacks: progress callbacks.
+    inputs: files that must stay, besides those that the recipe names.
 
     Raises
     ------
     InputError: the recipe is invalid, the start does not suit the target, there is nothing to
-        resume, a label does not fit a converged die, or another run writes into the folder.
+        resume, a label does not fit a converged die, another run writes into the folder, or it has
+        files of the same names that no earlier run has written.
     OutputError: the folder cannot be written.
     KeyboardInterrupt: its message says how to resume, or that the results were complete.
     """
     if isinstance(recipe, str | Path):
+        inputs = [*inputs, Path(recipe)]
         recipe = read_recipe(Path(recipe), changes)
     elif isinstance(recipe, Mapping):
         recipe = parse_recipe(recipe)
     is_refined = getattr(recipe.method.exact, "refine", None) is not None
     if resume and recipe.method.concave is None and not is_refined:
-        raise InputError(
+        raise CheckpointError(
             "--resume: expected a recipe of method: {concave: {}} or with method.exact.refine, got "
             f"{recipe.method.name}, which keeps no checkpoint; leave it out"
         )
@@ -456,7 +467,10 @@ def run(
     work = Work(recipe, folder, callbacks or Callbacks(), enlarge, resume)
     path = folder / CHECKPOINT if is_refined else None
     about = {"recipe": recipe_text(recipe), "contact law": CONTACT_LAW}
-    with open_results_folder(folder), Checkpoint(path, about, resume=resume) as work.checkpoint:
+    with (
+        open_results_folder(folder, output_names(recipe, folder), [*inputs, *input_files(recipe)]),
+        Checkpoint(path, about, resume=resume) as work.checkpoint,
+    ):
         try:
             run_stages(work)
             work.checkpoint.save()
@@ -465,16 +479,39 @@ def run(
             raise KeyboardInterrupt(str(interrupt) or work.resume_note) from interrupt
 
 
-def finish(work: Work) -> Result:
-    """Write the files of a run after its last stage. Raises OutputError."""
-    from dicedesign.fabricate.file_formats import FILE_FORMATS
-    from dicedesign.report.figures import FIGURES
+def output_names(recipe: Recipe, folder: Path) -> list[str]:
+    """Names of the files that a run of a recipe may write into a folder, or remove.
 
+    A recipe there with the same text stays as it is, and is left out.
+    """
+    names = [*SOLIDS, RESULT, CHECKPOINT]
+    names += [f"{stem}.{kind}" for kind in recipe.files for stem in ("die", "die_plain")]
+    if recipe.report:
+        names.append(PAGE)
+    if recipe.figures:
+        from dicedesign.report.figures import FIGURES
+
+        names += [f"{figure.name}{figure.suffix}" for figure in FIGURES]
+    if file_checksum(folder / RECIPE) != checksum(recipe_text(recipe).encode()):
+        names.append(RECIPE)
+    return names
+
+
+def input_files(recipe: Recipe) -> list[Path]:
+    """Files that a recipe names."""
+
+    def texts(value: object) -> list[str]:
+        if isinstance(value, Mapping):
+            value = list(value.values())
+        if isinstance(value, list | tuple):
+            return [text for each in value for text in texts(each)]
+        return [value] if isinstance(value, str) else []
+
+    return [Path(text) for text in texts(recipe.as_dict()) if os.path.isfile(text)]
+
+
+def finish(work: Work) -> Result:
+    """Write the files of a run after its last stage. Raises InputError and OutputError."""
     assert work.folder is not None
     work.files[RECIPE] = recipe_text(work.recipe).encode("utf-8")
-    checksums = {name: hashlib.sha256(data).hexdigest() for name, data in work.files.items()}
-    result = dataclasses.replace(work.result(), sha256=checksums)
-    names = [f"{figure.name}{figure.suffix}" for figure in FIGURES]
-    names += [f"{stem}.{kind}" for stem in ("die", "die_plain") for kind in FILE_FORMATS.names]
-    write_results(work.folder, work.files, result, names)
-    return result
+    return write_results(work.folder, work.files, work.result())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,14 +13,21 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.results.result import RESULT, Result
+from dicedesign.runtime.checkpoint import is_checkpoint
 from dicedesign.runtime.files import (
-    hold_interrupts,
     lock_folder,
     open_output_folder,
     read_file,
     remove_files,
     remove_partial_files,
-    stage_files,
+)
+from dicedesign.runtime.interrupts import hold_interrupts
+from dicedesign.runtime.outputs import (
+    UNFINISHED,
+    check_folder,
+    checksum,
+    is_file_name,
+    replace_files,
 )
 from dicedesign.tolerances import PROBABILITY_SUM_TOLERANCE
 
@@ -37,9 +45,7 @@ SOLIDS = ("die.stl", "die_inlay.stl", "die_oriented.stl", "die_plain.stl")
 labels."""
 
 
-def write_results(
-    folder: Path, files: Mapping[str, bytes], result: Result, names: Iterable[str]
-) -> None:
+def write_results(folder: Path, files: Mapping[str, bytes], result: Result) -> Result:
     """Write the files of a finished run, and remove those of an earlier run.
 
     Each file appears whole or not at all, and `RESULT` last: a folder with it is complete. An
@@ -48,38 +54,48 @@ def write_results(
     Parameters
     ----------
     folder: existing folder.
-    files: contents by name. result: content of `RESULT`.
-    names: files of earlier runs to remove, besides `SOLIDS`, `RECIPE` and `PAGE`.
+    files: contents by name. result: content of `RESULT`, without checksums.
+
+    Returns the result with checksums.
 
     Raises
     ------
+    InputError: a file is there that no earlier run has written.
     OutputError: a file cannot be removed or written.
     """
-    owned = dict.fromkeys([*SOLIDS, RECIPE, PAGE, *names])
-    result_data = result.json_text().encode("utf-8")
     with hold_interrupts("the results were complete by then"):
-        contents = {folder / name: data for name, data in files.items()}
-        with stage_files(contents | {folder / RESULT: result_data}):
-            remove_files(folder, [RESULT, *(name for name in owned if name not in files)])
+        listed = {name: checksum(data) for name, data in files.items()}
+        result = dataclasses.replace(result, sha256=listed)
+        with replace_files(folder, files, RESULT, result.json_text().encode("utf-8")):
+            pass
         remove_files(folder, [CHECKPOINT])
+    return result
 
 
 @contextmanager
-def open_results_folder(folder: Path) -> Iterator[None]:
+def open_results_folder(
+    folder: Path, names: Iterable[str] = (), inputs: Iterable[Path] = ()
+) -> Iterator[None]:
     """Make and lock a folder for results, and remove partial files of a killed process. If an error
     leaves the folder empty, remove it with its new parents.
 
+    names: files that will be written or removed. inputs: files that are read.
+
     Raises
     ------
-    InputError: another process writes into the folder. OutputError: it cannot be written.
+    InputError: one of these files is there and was not written by an earlier run, or is an input;
+        or another process writes into the folder. OutputError: it cannot be written.
     """
     with open_output_folder(folder), lock_folder(folder):
+        path = folder / CHECKPOINT
+        own = [CHECKPOINT] if os.path.lexists(path) and is_checkpoint(path) else []
+        check_folder(folder, [*names, UNFINISHED], inputs, own)
         remove_partial_files(folder)
         yield
 
 
 def read_result(folder: Path | str) -> Result:
-    """Read the result of a finished run.
+    """Read the result of a finished run; its `changes` say which files have changed since.
 
     Raises InputError: the folder has no result.json, or an old or damaged one.
     """
@@ -126,3 +142,5 @@ def _check(result: Result) -> None:
         raise ValueError("facets with unknown labels")
     if "die_plain" not in result.files:
         raise ValueError("no file of the die")
+    if not all(map(is_file_name, [*result.files.values(), *result.sha256])):
+        raise ValueError("files outside of the folder")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import os
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
@@ -30,6 +31,7 @@ from dicedesign.results.parts import (
 from dicedesign.results.print_parts import Printability
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text, plain
+from dicedesign.runtime.outputs import file_checksum
 
 if TYPE_CHECKING:
     from dicedesign.notebook import Solid
@@ -381,6 +383,17 @@ class Result:
             for facet in self.facets
             if facet.outcome is not None
         )
+
+    def changes(self) -> list[str]:
+        """Files of the folder that are missing, or not as the run has written them, a sentence
+        each."""
+        folder = self.folder
+        return [
+            f"{folder / name}: expected the file that the run has written, got "
+            f"{'another' if os.path.exists(folder / name) else 'none'}; run the recipe again"
+            for name, listed in ({} if folder is None else self.sha256).items()
+            if folder is not None and file_checksum(folder / name) != listed
+        ]
 
     @property
     def plain_file(self) -> Path:

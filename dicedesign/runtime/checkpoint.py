@@ -14,14 +14,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dicedesign.errors import InputError, OutputError
+from dicedesign.errors import CheckpointError, InputError, OutputError
 from dicedesign.runtime.files import (
     atomic_write,
-    hold_interrupts,
     read_file,
     remove_files,
     remove_partial_files,
 )
+from dicedesign.runtime.interrupts import hold_interrupts
 from dicedesign.runtime.workers import in_order
 
 INTERVAL = 5.0
@@ -124,8 +124,8 @@ def read_checkpoint(
 
     Raises
     ------
-    InputError: the file is missing, damaged, or belongs to other work; the message names the
-        differing kind.
+    InputError: the file is missing or damaged. CheckpointError: it is of other work; the message
+        names the differing kind.
     """
     if not os.path.lexists(path):
         raise InputError(
@@ -143,17 +143,26 @@ def read_checkpoint(
     except Exception as error:
         # Errors of NumPy, zip, JSON or the class of the state all mean a damaged file.
         raise InputError(
-            f"{path}: expected a checkpoint, got a file that cannot be read as one; remove it, or "
-            "run without --resume, to start again"
+            f"{path}: expected a checkpoint, got a file that cannot be read as one; remove it to "
+            "start again"
         ) from error
     for kind, text in work.items():
         if stored_work[kind] != text:
-            raise InputError(
+            raise CheckpointError(
                 f"{path}: expected a checkpoint of this {kind}, got one of another; remove it, run "
                 "without --resume, or choose another folder with --out"
             )
     assert state is not None
     return state
+
+
+def is_checkpoint(path: Path) -> bool:
+    """Whether a file is a checkpoint, of any work."""
+    try:
+        read_checkpoint(path, {}, lambda *_: True)
+    except InputError:
+        return False
+    return True
 
 
 class Checkpoint:

@@ -7,9 +7,8 @@ import json
 import os
 import re
 import secrets
-import signal
+import shutil
 import stat
-import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
@@ -23,6 +22,9 @@ MAX_TEXT_BYTES = 1 << 24
 
 MAX_DATA_BYTES = 1 << 32
 """Limit for files written by programs: 4 GiB."""
+
+MIN_FREE_BYTES = 1 << 24
+"""Room for results that is looked for before the work: 16 MiB."""
 
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 """Each system has one of the last two flags."""
@@ -146,7 +148,7 @@ def stage_files(contents: Mapping[Path, bytes]) -> Iterator[None]:
     try:
         for path, data in contents.items():
             with _explain_failure(path):
-                if not _is_stream(path):
+                if not is_stream(path):
                     partials[path] = partial = _partial_file(Path(os.path.realpath(path)))
                     with partial.open("xb") as file:
                         file.write(data)
@@ -185,7 +187,7 @@ def _explain_failure(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _is_stream(path: Path) -> bool:
+def is_stream(path: Path) -> bool:
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
@@ -248,11 +250,12 @@ def open_output_folder(folder: Path) -> Iterator[None]:
 
 
 def make_writable_folder(folder: Path) -> None:
-    """Make a folder for results if it is missing, and check that it is writable.
+    """Make a folder for results if it is missing, and check that it is writable and has room.
 
     Raises
     ------
-    OutputError: it cannot be created or written.
+    OutputError: it cannot be created or written, or less than `MIN_FREE_BYTES` are left on its disk
+        or allowed for a file.
     """
     probe = _partial_file(folder / "probe")
     try:
@@ -260,11 +263,33 @@ def make_writable_folder(folder: Path) -> None:
         probe.touch(exist_ok=False)
         # The process that locks the folder may have removed it.
         probe.unlink(missing_ok=True)
+        free = shutil.disk_usage(folder).free
     except (OSError, ValueError) as error:
         raise OutputError(
             f"{folder}: expected a folder that can be written, got {_reason(error)!r}; choose "
             "another with --out"
         ) from error
+    if free < MIN_FREE_BYTES:
+        raise OutputError(
+            f"{folder}: expected at least {MIN_FREE_BYTES >> 20} MiB free on its disk, got "
+            f"{free >> 10} KiB; make room, or choose another with --out"
+        )
+    if (most := _max_file_bytes()) is not None and most < MIN_FREE_BYTES:
+        raise OutputError(
+            f"{folder}: expected files of up to {MIN_FREE_BYTES >> 20} MiB to be allowed, got a "
+            f"limit of {most >> 10} KiB; raise it, as by `ulimit -f unlimited`"
+        )
+
+
+def _max_file_bytes() -> int | None:
+    """Limit of the system for the size of a file; None without one."""
+    try:
+        import resource
+    except ImportError:
+        # Windows.
+        return None
+    soft, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+    return None if soft == resource.RLIM_INFINITY else soft
 
 
 @contextmanager
@@ -293,25 +318,3 @@ def lock_folder(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-
-
-@contextmanager
-def hold_interrupts(message: str) -> Iterator[None]:
-    """Delay interrupts until the end of a short block.
-
-    message: message of the delayed KeyboardInterrupt. Does nothing in other threads, or if another
-    handler is set.
-    """
-    before = signal.getsignal(signal.SIGINT)
-    main_thread = threading.current_thread() is threading.main_thread()
-    if before is not signal.default_int_handler or not main_thread:
-        yield
-        return
-    arrived: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: arrived.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if arrived:
-        raise KeyboardInterrupt(message)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
-import signal
 import sys
 import threading
 import time
@@ -27,6 +26,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from dicedesign.errors import DiceError, InputError, missing_extra
+from dicedesign.runtime.interrupts import block_signals, obey_parent
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -85,12 +85,14 @@ class _LocalWorkers(Executor):
         return ProcessPoolExecutor(self._jobs, context, _begin_worker)
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        try:
-            return self._pool.submit(function, *args, **kwargs)
-        except BrokenExecutor:
-            self._pool.shutdown(wait=True)
-            self._pool = self._start()
-            return self._pool.submit(function, *args, **kwargs)
+        # It may start a process, which must not be interrupted before it ignores interrupts.
+        with block_signals():
+            try:
+                return self._pool.submit(function, *args, **kwargs)
+            except BrokenExecutor:
+                self._pool.shutdown(wait=True)
+                self._pool = self._start()
+                return self._pool.submit(function, *args, **kwargs)
 
     def terminate(self) -> None:
         """End all processes, also while tasks run."""
@@ -101,7 +103,7 @@ class _LocalWorkers(Executor):
 
 def _begin_worker() -> None:
     """Ignore interrupts, and exit with the parent even if it is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    obey_parent()
     parent = multiprocessing.parent_process()
     assert parent is not None
 

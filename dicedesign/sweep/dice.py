@@ -11,13 +11,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dicedesign.errors import DiceError, NoStartError, OutsideHullError, RecipeError
+from dicedesign.errors import (
+    CheckpointError,
+    DiceError,
+    NoStartError,
+    OutsideHullError,
+    RecipeError,
+)
 from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import run
 from dicedesign.recipe.reading import parse_recipe, parse_yaml, read_recipe
 from dicedesign.recipe.recipe import Recipe
-from dicedesign.results.folder import CHECKPOINT, RECIPE
-from dicedesign.results.result import RESULT
+from dicedesign.results.folder import CHECKPOINT, RECIPE, read_result
+from dicedesign.results.result import Result
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
 
 MAX_FOLDER_NAME = 60
@@ -103,12 +109,15 @@ def check_starts(combinations: Mapping[str, Combination]) -> None:
             continue
 
 
-def is_made(folder: Path, recipe: Recipe) -> bool:
-    """Whether a folder has the result of a recipe."""
+def made_die(folder: Path, recipe: Recipe) -> Result | None:
+    """Result of a recipe that is complete and unchanged in a folder; None if it must be made."""
     try:
-        return (folder / RESULT).exists() and read_recipe(folder / RECIPE) == recipe
+        if read_recipe(folder / RECIPE) != recipe:
+            return None
+        result = read_result(folder)
     except DiceError:
-        return False
+        return None
+    return None if result.changes() else result
 
 
 def make_dice(
@@ -117,12 +126,13 @@ def make_dice(
     executor: Executor,
     jobs: int,
     on_die: Callable[[], object],
+    inputs: Sequence[Path] = (),
 ) -> dict[str, str]:
     """Make the dice of combinations, each in its subfolder. Dice of lost workers are made again at
     the end, one at a time.
 
     executor: processes or machines that write into the folder; jobs: number of workers. on_die:
-    called after each die.
+    called after each die. inputs: as in `run`.
 
     Returns messages by subfolder of those that cannot be made.
     """
@@ -135,7 +145,7 @@ def make_dice(
     lost = run_in_batches(
         list(combinations),
         lambda names: executor.submit(
-            _make, folder, {name: combinations[name].recipe.as_dict() for name in names}
+            _make, folder, {name: combinations[name].recipe.as_dict() for name in names}, inputs
         ),
         jobs,
         on_result,
@@ -145,12 +155,19 @@ def make_dice(
     return faults | dict.fromkeys(lost, reason)
 
 
-def _make(folder: Path, recipes: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def _make(
+    folder: Path, recipes: Mapping[str, Mapping[str, Any]], inputs: Sequence[Path]
+) -> dict[str, str]:
     """Make or resume dice. Returns messages by subfolder of those that cannot be made."""
     faults = {}
     for name, entries in recipes.items():
         try:
-            run(entries, folder / name, resume=(folder / name / CHECKPOINT).exists())
+            try:
+                resume = (folder / name / CHECKPOINT).exists()
+                run(entries, folder / name, resume=resume, inputs=inputs)
+            except CheckpointError:
+                # It is of an earlier recipe.
+                run(entries, folder / name, inputs=inputs)
         except DiceError as error:
             faults[name] = str(error)
     return faults

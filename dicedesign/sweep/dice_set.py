@@ -19,7 +19,7 @@ from dicedesign.fabricate.numbering import opposite_facets
 from dicedesign.fabricate.printability import least_details, narrowest_stroke
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.output import die_contents
-from dicedesign.recipe.pipeline import Work, finish, run_stages
+from dicedesign.recipe.pipeline import Work, finish, input_files, output_names, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.recipe.solid import place_at_size
@@ -28,7 +28,8 @@ from dicedesign.report.pages import set_page
 from dicedesign.rest.poses import RestPoses
 from dicedesign.results.folder import open_results_folder
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.files import json_text, remove_files, write_files
+from dicedesign.runtime.files import json_text
+from dicedesign.runtime.outputs import checksum, replace_files
 from dicedesign.sweep.dice import MAX_FOLDER_NAME
 from dicedesign.sweep.ranking import PAGE, Row
 
@@ -92,9 +93,11 @@ def make_set(
         on_die()
     fitting, printable = zip(*heights, strict=True)
     with ExitStack() as stack:
-        stack.enter_context(open_results_folder(folder))
+        stack.enter_context(open_results_folder(folder, [PLATE, PAGE, TABLE]))
         for name, work in zip(recipes, works, strict=True):
-            stack.enter_context(open_results_folder(folder / name))
+            names = output_names(work.recipe, folder / name)
+            inputs = input_files(work.recipe)
+            stack.enter_context(open_results_folder(folder / name, names, inputs))
             engrave = work.recipe.engrave
             if engrave is not None:
                 # The largest height that fits on all faces of all dice, if the printer shows it.
@@ -123,12 +126,12 @@ def make_set(
         files = {
             PLATE: three_mf(Contents(f"{len(dice)} dice", parts, is_plate=True)),
             PAGE: set_page(placed, dice, colored).encode("utf-8"),
-            TABLE: json_text({"size_mm": size_mm, "dice": dice}).encode("utf-8"),
         }
-        remove_files(folder, [TABLE])
-        for work in works:
-            finish(work)
-        write_files({folder / name: data for name, data in files.items()})
+        sums = {name: checksum(data) for name, data in files.items()}
+        table = json_text({"size_mm": size_mm, "dice": dice, "sha256": sums}).encode("utf-8")
+        with replace_files(folder, files, TABLE, table):
+            for work in works:
+                finish(work)
     return dice
 
 

@@ -16,15 +16,15 @@ from dicedesign.fabricate.file_formats import Part
 from dicedesign.geometry.meshes.reading import read_stl
 from dicedesign.palette import BLANK, INK
 from dicedesign.report.pages import sweep_page
-from dicedesign.results.folder import read_result
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Booleans, Floats
-from dicedesign.runtime.files import write_files
-from dicedesign.sweep.dice import Combination, is_made
+from dicedesign.runtime.files import json_text
+from dicedesign.runtime.outputs import checksum, replace_files
+from dicedesign.sweep.dice import Combination, made_die
 
 PAGE = "index.html"
 
-TABLE = "sweep.csv"
+TABLE, LIST = "sweep.csv", "sweep.json"
 
 COLUMNS = (
     "rank",
@@ -94,7 +94,7 @@ def measure_die(result: Result, faces: int) -> Row:
         "inradius_mm": min((facet.inradius_mm for facet in shown), default=None),
         "margin_deg": min((facet.border_deg for facet in shown), default=None),
         "asymmetry": result.asymmetry,
-        "seconds": sum(stage.seconds for stage in result.stages),
+        "seconds": sum(stage.seconds for stage in result.stages) if result.stages else None,
         "message": result.message.splitlines()[0],
     }
 
@@ -130,7 +130,7 @@ def write_sweep(
     combinations: Mapping[str, Combination],
     faults: Mapping[str, str],
 ) -> list[Row]:
-    """Write the page and the table of a sweep; returns the rows of the table.
+    """Write the page and the tables of a sweep; returns the rows of the tables.
 
     faults: messages of the combinations that cannot be made. Raises OutputError.
     """
@@ -139,20 +139,23 @@ def write_sweep(
         row: Row = dict.fromkeys(COLUMNS) | {"folder": name, "status": "not made", **die.varied}
         if name in faults:
             row |= {"status": "failed", "message": faults[name]}
-        elif is_made(folder / name, die.recipe):
-            result = read_result(folder / name)
-            row |= measure_die(result, len(die.recipe.target.target().face_labels))
+        elif (result := made_die(folder / name, die.recipe)) is not None:
             engrave = die.recipe.engrave
             depth_mm = None if engrave is None else engrave.depth_mm
             dice[name] = _read_parts(result, depth_mm), result
+            row |= measure_die(result, len(die.recipe.target.target().face_labels))
         rows.append(row)
     ranked = rank_rows(rows)
     keys = list(next(iter(combinations.values())).varied)
-    files = {
+    texts = {
         TABLE: _csv_text([*COLUMNS, *keys], ranked),
         PAGE: sweep_page(title, ranked, keys, dice),
     }
-    write_files({folder / name: text.encode("utf-8") for name, text in files.items()})
+    files = {name: text.encode("utf-8") for name, text in texts.items()}
+    sums = {name: checksum(data) for name, data in files.items()}
+    listed = json_text({"name": title, "dice": ranked, "sha256": sums}).encode("utf-8")
+    with replace_files(folder, files, LIST, listed):
+        pass
     return ranked
 
 

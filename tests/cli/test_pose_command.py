@@ -63,8 +63,9 @@ def test_a_mesh_can_stand_on_any_facet(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], egg: Path
 ) -> None:
     """The area of the facet is on the plane, and the center of mass above the origin."""
-    poses, out = rest_poses(read_body(egg)), tmp_path / "out.stl"
+    poses = rest_poses(read_body(egg))
     for facet in range(len(poses.hull.normals)):
+        out = tmp_path / f"out{facet}.stl"
         assert main(["pose", str(egg), "--facet", str(facet), "--out", str(out), "--json"]) == 0
         (one,) = posed_files(capsys)
         rests = np.flatnonzero(poses.facets == facet).tolist()
@@ -109,7 +110,9 @@ def test_a_pose_depends_on_the_seed_and_not_on_other_meshes(tmp_path: Path, egg:
     both = [str(tmp_path / "box.stl"), str(egg)]
     assert main(["pose", *both, *arguments, "--format", "obj", "--out", str(beside)]) == 0
     assert (beside / "egg.obj").read_bytes() == alone.read_bytes()
-    assert main(["pose", str(egg), "--random", "--seed", "6", "--out", str(alone)]) == 0
+    assert (
+        main(["pose", str(egg), "--random", "--seed", "6", "--out", str(alone), "--overwrite"]) == 0
+    )
     assert (beside / "egg.obj").read_bytes() != alone.read_bytes()
 
 
@@ -149,7 +152,7 @@ def test_a_quantized_mesh_is_posed_in_its_size(tmp_path: Path) -> None:
     """trimesh would take its integers for lengths."""
     posed = []
     for name in ("quantized", "reference_float"):
-        out = tmp_path / "posed.glb"
+        out = tmp_path / f"{name}.glb"
         assert main(["pose", str(public_data(f"cases/15_{name}.glb")), "--out", str(out)]) == 0
         posed.append(read_body(out))
     heights = [body.points[:, 2].max() for body in posed]

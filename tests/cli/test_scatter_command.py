@@ -79,9 +79,10 @@ def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
     tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "room.glb"
-    answer = scatter(folder, capsys, "--count", "10", "--out", str(out))
-    assert answer != scatter(folder, capsys, "--count", "10", "--seed", "1", "--out", str(out))
-    assert answer == scatter(folder, capsys, "--count", "10", "--out", str(out))
+    arguments = ("--count", "10", "--out", str(out), "--overwrite")
+    answer = scatter(folder, capsys, *arguments)
+    assert answer != scatter(folder, capsys, "--seed", "1", *arguments)
+    assert answer == scatter(folder, capsys, *arguments)
     read = pygltflib.GLTF2().load(str(out))
     # Three files with one mesh, one with two, and the floor.
     assert len(read.meshes) == 6

@@ -52,7 +52,7 @@ def test_an_interrupt_waits_until_results_are_complete(tmp_path: Path) -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt, match="complete"):
-            write_results(tmp_path, files, finished_result(["a"], [1.0]), ())
+            write_results(tmp_path, files, finished_result(["a"], [1.0]))
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
@@ -61,12 +61,12 @@ def test_an_interrupt_waits_until_results_are_complete(tmp_path: Path) -> None:
 
 def test_a_full_disk_keeps_the_earlier_run(tmp_path: Path) -> None:
     result = finished_result(["a"], [1.0])
-    write_results(tmp_path, {"die_plain.stl": b"old", "recipe.yaml": b"old"}, result, ())
+    write_results(tmp_path, {"die_plain.stl": b"old", "recipe.yaml": b"old"}, result)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
     try:
         with pytest.raises(OutputError, match=r"die\.stl"):
-            write_results(tmp_path, {"die_plain.stl": b"new", "die.stl": bytes(10_001)}, result, ())
+            write_results(tmp_path, {"die_plain.stl": b"new", "die.stl": bytes(10_001)}, result)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     names = ["die_plain.stl", "recipe.yaml", "result.json"]

@@ -100,7 +100,7 @@ def test_only_missing_dice_are_made(
 
     shutil.rmtree(copied / best)
     assert sweep(recipe_path, copied, *SETTINGS, executor=lossy) == 0
-    assert [list(recipes) for _, recipes in lossy.submitted] == [[best]]
+    assert [list(recipes) for _, recipes, _ in lossy.submitted] == [[best]]
     # A die of another recipe is made again.
     shutil.rmtree(copied / best)
     other = next(row["folder"] for row in rows_of(copied) if row["folder"] != best)
@@ -163,7 +163,7 @@ def test_a_killed_sweep_goes_on(recipe_path: Path, copied: Path) -> None:
     """It is killed between two files of a die."""
     table, best = (copied / "sweep.csv").read_bytes(), copied / rows_of(copied)[0]["folder"]
     shutil.rmtree(best)
-    kill_at_write(["sweep", str(recipe_path), "--out", str(copied), *SETTINGS], 2)
+    kill_at_write(["sweep", str(recipe_path), "--out", str(copied), *SETTINGS], 3)
     assert {path.suffix for path in best.iterdir()} >= {".stl", ".part"}
     assert not (best / "result.json").exists()
     assert sweep(recipe_path, copied, *SETTINGS) == 0
