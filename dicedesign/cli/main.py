@@ -41,6 +41,7 @@ from dicedesign.cli.commands import (
 )
 from dicedesign.cli.shared_options import Command
 from dicedesign.errors import DiceError, InputError, printable
+from dicedesign.runtime.files import check_memory
 from dicedesign.runtime.interrupts import exit_code, signals_interrupt
 
 __all__ = ["main"]
@@ -128,6 +129,7 @@ def _run(words: list[str]) -> int:
     given = vars(make_parser(words[0] if words else "").parse_args(joined))
     options = {name: value for name, value in given.items() if value is not None}
     kind, address = COMMANDS[options.pop("command")]
+    check_memory()
     code: int = resolve_name(f"dicedesign.cli.{address}")(kind(**options))
     return code
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import os
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -269,6 +270,14 @@ def _load_method(work: Work) -> Callable[[Work], Any]:
     """Import the function of the recipe's method, and torch with it."""
     # Some hulls need it; import it outside the time of the design.
     import_module("dicedesign.geometry.hulls.numpy_hull")
+    if work.folder is not None:
+        # What later stages need is missed before the design, not after it.
+        for name in ("dicedesign.recipe.engrave", "dicedesign.recipe.output"):
+            import_module(name)
+        if work.recipe.figures or work.recipe.engrave is not None:
+            import_module("matplotlib.figure")
+        if len(work.recipe.files) > 1:
+            tempfile.gettempdir()
     method = work.recipe.method
     name = "thrown" if method.is_thrown else method.name
     if work.recipe.is_chosen_by_looks:

@@ -15,6 +15,8 @@ from dicedesign.errors import InputError
 from dicedesign.results.result import RESULT, Result
 from dicedesign.runtime.checkpoint import is_checkpoint
 from dicedesign.runtime.files import (
+    DESIGN_MEMORY_BYTES,
+    check_memory,
     lock_folder,
     open_output_folder,
     read_file,
@@ -84,8 +86,10 @@ def open_results_folder(
     Raises
     ------
     InputError: one of these files is there and was not written by an earlier run, or is an input;
-        or another process writes into the folder. OutputError: it cannot be written.
+        or another process writes into the folder. OutputError: it cannot be written, or the memory
+        does not suffice for a design.
     """
+    check_memory(DESIGN_MEMORY_BYTES)
     with open_output_folder(folder), lock_folder(folder):
         path = folder / CHECKPOINT
         own = [CHECKPOINT] if os.path.lexists(path) and is_checkpoint(path) else []

@@ -26,6 +26,12 @@ MAX_DATA_BYTES = 1 << 32
 MIN_FREE_BYTES = 1 << 24
 """Room for results that is looked for before the work: 16 MiB."""
 
+MIN_MEMORY_BYTES = 3 << 26
+"""Address space that NumPy needs, 192 MiB: with less, its libraries end the process."""
+
+DESIGN_MEMORY_BYTES = 3 << 29
+"""Address space of a small design, 1.5 GiB: with less, it fails at its end, or waits for ever."""
+
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 """Each system has one of the last two flags."""
 
@@ -274,21 +280,30 @@ def make_writable_folder(folder: Path) -> None:
             f"{folder}: expected at least {MIN_FREE_BYTES >> 20} MiB free on its disk, got "
             f"{free >> 10} KiB; make room, or choose another with --out"
         )
-    if (most := _max_file_bytes()) is not None and most < MIN_FREE_BYTES:
+    if (most := _limit("RLIMIT_FSIZE")) is not None and most < MIN_FREE_BYTES:
         raise OutputError(
             f"{folder}: expected files of up to {MIN_FREE_BYTES >> 20} MiB to be allowed, got a "
             f"limit of {most >> 10} KiB; raise it, as by `ulimit -f unlimited`"
         )
 
 
-def _max_file_bytes() -> int | None:
-    """Limit of the system for the size of a file; None without one."""
+def check_memory(least: int = MIN_MEMORY_BYTES) -> None:
+    """Raise OutputError if the system allows this process less than this number of bytes."""
+    if (most := _limit("RLIMIT_AS")) is not None and most < least:
+        raise OutputError(
+            f"memory: expected at least {least >> 20} MiB for this process, got a limit "
+            f"of {most >> 20}; raise it, as by `ulimit -v unlimited`"
+        )
+
+
+def _limit(name: str) -> int | None:
+    """Limit of the system for this process, in bytes; None without one."""
     try:
         import resource
     except ImportError:
         # Windows.
         return None
-    soft, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+    soft, _ = resource.getrlimit(getattr(resource, name))
     return None if soft == resource.RLIM_INFINITY else soft
 
 

@@ -14,13 +14,19 @@ ENDING = [
 ]
 """Signals of Ctrl-C, of `kill` and schedulers, and of a terminal that closes."""
 
+
+class Interrupt(KeyboardInterrupt):
+    """Interrupt by a signal. Were it a plain KeyboardInterrupt, Python could end by SIGINT although
+    it was caught, if it came while a library was running a text."""
+
+
 _received: list[int] = []
 """Signals that have become interrupts, in order."""
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     _received.append(number)
-    raise KeyboardInterrupt
+    raise Interrupt
 
 
 @contextmanager

@@ -82,7 +82,9 @@ class _LocalWorkers(Executor):
 
     def _start(self) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self._jobs, context, _begin_worker)
+        # It starts the process that frees shared memory, which must not be interrupted.
+        with block_signals():
+            return ProcessPoolExecutor(self._jobs, context, _begin_worker)
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         # It may start a process, which must not be interrupted before it ignores interrupts.

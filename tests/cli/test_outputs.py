@@ -145,7 +145,7 @@ def test_no_input_is_replaced(
     """Neither by its own name, nor by a symbolic or a hard link, nor where a run has made it."""
     folder = tmp_path / "folder"
     shutil.copytree(made, folder)
-    start = "method: {paper: {}}\nstart: {mesh: results/die_plain.stl}\n"
+    start = "method: {paper: {}}\nstart: {mesh: {path: results/die_plain.stl}}\n"
     (folder / "paper.yaml").write_text(RECIPE + start)
     shutil.copy(folder / "counts.csv", folder / "results" / "complex.png")
     (folder / "linked.stl").symlink_to("brick.stl")
