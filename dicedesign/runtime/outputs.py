@@ -59,7 +59,7 @@ def own_files(folder: Path, lists: Iterable[str] = LISTS) -> dict[str, str]:
         own[name] = checksum(data)
         for file, sums in listed:
             found = file_checksum(folder / file) if is_file_name(file) else None
-            if found is not None and found in ([sums] if isinstance(sums, str) else sums):
+            if found is not None and (found == sums or (isinstance(sums, list) and found in sums)):
                 own[file] = found
     return own
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 import re
 import shutil
@@ -102,11 +103,15 @@ def test_only_missing_dice_are_made(
     assert sweep(recipe_path, copied, *SETTINGS, executor=lossy) == 0
     assert [list(recipes) for _, recipes, _ in lossy.submitted] == [[best]]
     # A die of another recipe is made again.
-    shutil.rmtree(copied / best)
     other = next(row["folder"] for row in rows_of(copied) if row["folder"] != best)
+    shutil.rmtree(copied / best)
     shutil.copytree(copied / other, copied / best)
     assert sweep(recipe_path, copied, *SETTINGS, executor=lossy) == 0
     assert len(lossy.submitted) == 2
+    # So is one of which a file is gone.
+    (copied / best / "die_plain.stl").unlink()
+    assert sweep(recipe_path, copied, *SETTINGS, executor=lossy) == 0
+    assert len(lossy.submitted) == 3
     assert (copied / "sweep.csv").read_bytes() == table
 
 
@@ -169,6 +174,37 @@ def test_a_killed_sweep_goes_on(recipe_path: Path, copied: Path) -> None:
     assert sweep(recipe_path, copied, *SETTINGS) == 0
     assert (copied / "sweep.csv").read_bytes() == table
     assert not list(best.glob(".*.part"))
+
+
+@pytest.mark.parametrize("name", ["result.json", "die_plain.stl", "recipe.yaml"])
+@pytest.mark.parametrize("damage", [b"", b'{"sha256": {"a": ', b'{"sha256": 1}', b"[" * 100_000])
+def test_a_damaged_die_is_a_row_with_an_error(
+    recipe_path: Path, copied: Path, name: str, damage: bytes
+) -> None:
+    """The other dice are ranked, and what is damaged stays for the user to look at."""
+    folder = rows_of(copied)[1]["folder"]
+    (copied / folder / name).write_bytes(damage)
+    assert sweep(recipe_path, copied, *SETTINGS) == 1
+    rows = rows_of(copied)
+    assert [row["status"] for row in rows] == ["converged"] * 3 + ["failed"]
+    assert rows[3]["folder"] == folder
+    assert name in rows[3]["message"]
+    assert (copied / folder / name).read_bytes() == damage
+    shutil.rmtree(copied / folder)
+    assert sweep(recipe_path, copied, *SETTINGS) == 0
+
+
+def test_a_changed_recipe_takes_no_dice_of_the_earlier_one(
+    recipe_path: Path, copied: Path, tmp_path: Path
+) -> None:
+    """Their files, which nobody has changed, are replaced."""
+    changed = tmp_path / "four.yaml"
+    changed.write_text(recipe_path.read_text().replace("fair: 4", "fair: 6"))
+    assert sweep(changed, copied, *SETTINGS) == 0
+    for row in rows_of(copied):
+        assert row["status"] == "converged"
+        target = json.loads((copied / row["folder"] / "result.json").read_text())["target"]
+        assert target == pytest.approx([1.0 / 6.0] * 6)
 
 
 def test_commas_in_brackets_and_quotes(recipe_path: Path) -> None:
