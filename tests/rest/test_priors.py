@@ -154,6 +154,7 @@ def test_a_fit_finds_the_axis_and_the_concentration() -> None:
         axis = AXES[2] / np.linalg.norm(AXES[2])
         assert np.dot(fitted.axis, axis) > 1.0 - 1e-3
     assert dd.VonMisesFisher.fitted(CUBE).concentration < 1e-15
+    assert dd.VonMisesFisher.fitted([[0.0, 0.0, 2.0], [0.0, 0.0, -1.0]]).concentration == 0.0
     assert dd.VonMisesFisher.fitted([[0.0, 0.0, 5.0]]).concentration > 1e9
 
 
