@@ -17,7 +17,6 @@ import hashlib
 import importlib
 import json
 import os
-import random
 import shutil
 import signal
 import sys
@@ -33,8 +32,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
-"""Root of the repository."""
+from tests.common.mutants import Mutant, pick
+from tests.common.paths import ROOT
 
 EQUIVALENT: dict[tuple[str, str], str] = {}
 """Reasons why mutants change nothing that a user could see, by file and change."""
@@ -45,7 +44,7 @@ LONGEST_TEST = 15
 MAX_RECORDING = 120.0
 """Seconds after which the tests of a file that have not run yet are not used."""
 
-START_UP = 10.0
+START_UP = 40.0
 """Seconds that a run of tests may take besides the tests."""
 
 PATIENCE = 2.0
@@ -53,152 +52,6 @@ PATIENCE = 2.0
 
 PRELOADED = ("torch", "scipy.optimize", "scipy.stats", "scipy.spatial", "manifold3d", "trimesh")
 """Imported once; each run of tests is a fork."""
-
-SWAPS: dict[type, tuple[type, ...]] = {
-    ast.Lt: (ast.LtE, ast.Gt),
-    ast.LtE: (ast.Lt, ast.GtE),
-    ast.Gt: (ast.GtE, ast.Lt),
-    ast.GtE: (ast.Gt, ast.LtE),
-    ast.Eq: (ast.NotEq,),
-    ast.NotEq: (ast.Eq,),
-    ast.Is: (ast.IsNot,),
-    ast.IsNot: (ast.Is,),
-    ast.In: (ast.NotIn,),
-    ast.NotIn: (ast.In,),
-    ast.Add: (ast.Sub,),
-    ast.Sub: (ast.Add,),
-    ast.Mult: (ast.Div,),
-    ast.Div: (ast.Mult,),
-    ast.FloorDiv: (ast.Mult,),
-    ast.Pow: (ast.Mult,),
-    ast.BitAnd: (ast.BitOr,),
-    ast.BitOr: (ast.BitAnd,),
-    ast.And: (ast.Or,),
-    ast.Or: (ast.And,),
-}
-
-LAST_AXIS = ast.dump(ast.UnaryOp(ast.USub(), ast.Constant(1)))
-
-NAMES = {"min": "max", "minimum": "maximum", "argmin": "argmax", "floor": "ceil", "any": "all"}
-NAMES |= {after: before for before, after in NAMES.items()}
-
-
-class Mutant(NamedTuple):
-    """One change of a file: `text` in place of the characters from `start` to `end`.
-
-    owner: qualified name of the function around it, "" outside of functions.
-    """
-
-    path: Path
-    line: int
-    kind: str
-    change: str
-    start: int
-    end: int
-    text: str
-    owner: str
-
-
-def changes_of(node: ast.AST) -> Iterator[tuple[str, ast.AST, ast.AST | str]]:
-    """Kind of change, node that is replaced, and what with."""
-    if isinstance(node, ast.Compare) and len(node.ops) == 1:
-        for other in SWAPS.get(type(node.ops[0]), ()):
-            yield "compare", node, ast.Compare(node.left, [other()], node.comparators)
-    elif isinstance(node, ast.BinOp) and not is_text(node.left) and not is_text(node.right):
-        for other in SWAPS.get(type(node.op), ()):
-            yield "arithmetic", node, ast.BinOp(node.left, other(), node.right)
-    elif isinstance(node, ast.BoolOp):
-        for other in SWAPS[type(node.op)]:
-            yield "logic", node, ast.BoolOp(other(), node.values)
-    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.USub | ast.Invert):
-        yield "sign", node, node.operand
-    elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
-        yield "constant", node, ast.Constant(not node.value)
-    elif isinstance(node, ast.Constant) and isinstance(node.value, int):
-        yield "constant", node, ast.Constant(node.value + 1)
-    elif isinstance(node, ast.Constant) and isinstance(node.value, float):
-        factor = 2.0 if abs(node.value) > 1e-3 else 1e3
-        yield "constant", node, ast.Constant(node.value * factor or 1.0)
-    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
-        name = node.func.id if isinstance(node.func, ast.Name) else node.func.attr
-        if name in NAMES:
-            text = ast.unparse(node.func).removesuffix(name) + NAMES[name]
-            yield "extreme", node.func, text
-    elif isinstance(node, ast.Slice):
-        for bound in (node.lower, node.upper):
-            if bound is not None and not isinstance(bound, ast.Constant):
-                yield "slice", bound, ast.BinOp(bound, ast.Add(), ast.Constant(1))
-    elif isinstance(node, ast.If) and isinstance(node.body[-1], ast.Return):
-        yield "early", node.body[-1], "pass"
-
-
-def is_text(node: ast.AST) -> bool:
-    """Whether an operand is a text, a list or a type, for which other operators make no sense."""
-    known = (ast.JoinedStr, ast.List, ast.Tuple, ast.Dict, ast.Set)
-    is_string = isinstance(node, ast.Constant) and isinstance(node.value, str)
-    return is_string or isinstance(node, known)
-
-
-def is_left_alone(node: ast.AST) -> bool:
-    """Whether a part holds messages or types only."""
-    if isinstance(node, ast.If):
-        return ast.unparse(node.test) == "TYPE_CHECKING"
-    if isinstance(node, ast.Call):
-        return ast.unparse(node.func).split(".")[0] in ("TypeVar", "logging", "warnings")
-    alias = isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation) == "TypeAlias"
-    return alias or isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert)
-
-
-def mutants_of(path: Path) -> list[Mutant]:
-    """All mutants of a file, given relative to the root."""
-    source = (ROOT / path).read_text()
-    starts = [0]
-    for line in source.encode().splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-    found = []
-
-    def visit(node: ast.AST, owner: str, prefix: str) -> None:
-        """owner: function around the node; prefix: of the names of those inside of it."""
-        if is_left_alone(node):
-            return
-        for kind, old, new in changes_of(node):
-            text = new if isinstance(new, str) else f"({ast.unparse(new)})"
-            start = starts[old.lineno - 1] + old.col_offset
-            end = starts[old.end_lineno - 1] + old.end_col_offset
-            shown = " ".join(f"{ast.unparse(old)} -> {text}".split())
-            found.append(Mutant(path, old.lineno, kind, shown, start, end, text, owner))
-        if isinstance(node, ast.ClassDef):
-            prefix = f"{prefix}{node.name}."
-        elif isinstance(node, ast.FunctionDef):
-            owner, prefix = f"{prefix}{node.name}", f"{prefix}{node.name}.<locals>."
-        for name, field in ast.iter_fields(node):
-            if name not in ("annotation", "returns", "decorator_list", "bases"):
-                children = field if isinstance(field, list) else [field]
-                for child in (each for each in children if isinstance(each, ast.AST)):
-                    # As an argument, -1 is the last axis.
-                    is_argument = isinstance(node, ast.Call | ast.keyword)
-                    is_axis = is_argument and ast.dump(child) == LAST_AXIS
-                    if not is_axis:
-                        visit(child, owner, prefix)
-
-    visit(ast.parse(source), "", "")
-    return found
-
-
-def pick(files: list[Path], number: int, seed: int) -> list[Mutant]:
-    """Mutants at random, evenly over the files, and over kinds of change within each."""
-    rng, ranked = random.Random(seed), list[tuple[int, float, Mutant]]()
-    for path in files:
-        kinds, mutants = Counter[str](), mutants_of(path)
-        for one in rng.sample(mutants, len(mutants)):
-            kinds[one.kind] += 1
-            ranked.append((kinds[one.kind], rng.random(), one))
-    ranked.sort()
-    turns, of_file = list[tuple[int, int, Mutant]](), Counter[Path]()
-    for place, (_, _, one) in enumerate(ranked):
-        of_file[one.path] += 1
-        turns.append((of_file[one.path], place, one))
-    return sorted(one for _, _, one in sorted(turns)[:number])
 
 
 @cache
@@ -264,15 +117,10 @@ class Watch:
             sys.settrace(None)
             signal.alarm(0)
             package = f"{Path.cwd()}/dicedesign/"
-            calls = [c for c in codes if c.co_filename.startswith(package)]
-            names = sorted({f"{c.co_filename[len(package) :]}:{c.co_qualname}" for c in calls})
-            failed = self.outcomes != {"passed"}
-            state = [
-                item.nodeid,
-                "failed" if failed else "passed",
-                time.perf_counter() - started,
-                names,
-            ]
+            calls = [code for code in codes if code.co_filename.startswith(package)]
+            names = [f"{c.co_filename.removeprefix(package)}:{c.co_qualname}" for c in calls]
+            has_passed = self.outcomes == {"passed"}
+            state = item.nodeid, has_passed, time.perf_counter() - started, names
             with self.out.open("a") as file:
                 file.write(json.dumps(state) + "\n")
 
@@ -289,11 +137,9 @@ class Known(NamedTuple):
     calls: list[str]
 
 
-def run_tests(
-    copy: Path, files: list[str], wanted: list[str] | None, limit: float
-) -> tuple[int | None, list[list[Any]]]:
-    """Run tests in a fork. Returns the exit status of pytest, None past the limit in seconds, and
-    the entries of `Watch`."""
+def run_tests(copy: Path, wanted: list[str] | Path, limit: float) -> tuple[int | None, list[Any]]:
+    """Run tests by name until one fails, or all of a file, in a fork. Returns the exit status of
+    pytest, None past the limit in seconds, and the entries of `Watch`."""
     out = copy.parent / "entries"
     out.write_text("")
     child = os.fork()
@@ -303,9 +149,10 @@ def run_tests(
             os.dup2(nothing.fileno(), 1)
             os.dup2(nothing.fileno(), 2)
         signal.signal(signal.SIGALRM, stop_test)
-        stop = ["-x"] if wanted is not None else []
-        arguments = [*files, *stop, "-n", "0", "-p", "no:cacheprovider"]
-        os._exit(int(pytest.main(arguments, plugins=[Watch(out, wanted)])))
+        names = None if isinstance(wanted, Path) else wanted
+        files = [str(wanted)] if names is None else [n.partition("::")[0] for n in names]
+        stop = ["--maxfail=0" if names is None else "-x", "-n", "0", "-p", "no:cacheprovider"]
+        os._exit(int(pytest.main([*dict.fromkeys(files), *stop], plugins=[Watch(out, names)])))
     ends, status = time.monotonic() + limit, None
     while status is None and time.monotonic() < ends:
         time.sleep(0.02)
@@ -325,35 +172,31 @@ def record(copy: Path, path: Path) -> list[Known]:
     cache = ROOT / ".pytest_cache" / "mutate" / digest
     if not cache.exists():
         cache.parent.mkdir(parents=True, exist_ok=True)
-        cache.write_text(json.dumps(run_tests(copy, [str(path)], None, MAX_RECORDING)[1]))
+        cache.write_text(json.dumps(run_tests(copy, path, MAX_RECORDING)[1]))
     entries = json.loads(cache.read_text())
-    return [Known(name, *entry) for name, outcome, *entry in entries if outcome == "passed"]
+    return [Known(name, *entry) for name, has_passed, *entry in entries if has_passed]
 
 
 def judge(copy: Path, mutant: Mutant, limit: float, stages: int) -> str:
     """Run tests that call the function of a mutant, for a limit of seconds; what became of it."""
-    call = f"{mutant.path.relative_to('dicedesign')}:{mutant.owner}"
+    call, tried = f"{mutant.path.relative_to('dicedesign')}:{mutant.owner}", 0
     source, place = (ROOT / mutant.path).read_bytes(), copy / mutant.path
-    changed, tried = source[: mutant.start] + mutant.text.encode() + source[mutant.end :], 0
     for stage in stages_of(mutant.path)[:stages]:
         chosen = list[Known]()
-        for test in sorted(
-            (t for path in stage for t in record(copy, path)), key=lambda t: t.seconds
-        ):
-            is_called = any(
-                c == call or (not mutant.owner and c.startswith(call)) for c in test.calls
-            )
-            if is_called and (not tried or test.seconds <= limit):
+        known = [test for path in stage for test in record(copy, path)]
+        for test in sorted(known, key=lambda test: test.seconds):
+            # What is outside of functions is called by all that call any function of the file.
+            calls = test.calls if mutant.owner else [each[: len(call)] for each in test.calls]
+            if call in calls and (not tried or test.seconds <= limit):
                 chosen.append(test)
                 limit, tried = limit - test.seconds, tried + 1
         if not chosen:
             continue
-        names, seconds = [t.name for t in chosen], sum(t.seconds for t in chosen)
-        place.write_bytes(changed)
+        names, seconds = [test.name for test in chosen], sum(test.seconds for test in chosen)
+        place.write_bytes(source[: mutant.start] + mutant.text.encode() + source[mutant.end :])
         # Compiled files are made anew only if the time of change is another.
-        os.utime(place, (mutant.start, mutant.start))
-        files = sorted({name.partition("::")[0] for name in names})
-        status, entries = run_tests(copy, files, names, START_UP + PATIENCE * seconds)
+        os.utime(place, (hash(mutant) % 2**31,) * 2)
+        status, entries = run_tests(copy, names, START_UP + PATIENCE * seconds)
         place.write_bytes(source)
         if status != 0:
             by = entries[-1][0] if entries else "the import"
@@ -369,9 +212,8 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=40.0, help="seconds of tests of a mutant")
     parser.add_argument("--stages", type=int, default=3, help="1 for tests of the mirrored folder")
     given = parser.parse_args()
-    mutants = pick(
-        [each.resolve().relative_to(ROOT) for each in given.files], given.mutants, given.seed
-    )
+    files = [each.resolve().relative_to(ROOT) for each in given.files]
+    mutants = pick(files, given.mutants, given.seed)
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "copy"
@@ -394,7 +236,8 @@ def work_in(copy: Path) -> None:
     others = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     os.environ["PYTHONPATH"] = os.pathsep.join([str(copy), *(p for p in others if p)])
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    sys.modules.pop("tests", None)
+    for name in [name for name in sys.modules if name.split(".")[0] == "tests"]:
+        del sys.modules[name]
     for name in PRELOADED:
         importlib.import_module(name)
 
