@@ -45,13 +45,14 @@ LAST_AXIS = ast.dump(ast.UnaryOp(ast.USub(), ast.Constant(1)))
 class Mutant(NamedTuple):
     """One change of a file: `text` in place of the characters from `start` to `end`.
 
-    owner: qualified name of the function around it, "" outside of functions.
+    source: its line; owner: qualified name of the function around it, "" outside of functions.
     """
 
     path: Path
     line: int
     kind: str
     change: str
+    source: str
     start: int
     end: int
     text: str
@@ -98,12 +99,14 @@ def is_text(*operands: ast.AST) -> bool:
 
 
 def is_left_alone(node: ast.AST) -> bool:
-    """Whether a part holds messages or types only."""
+    """Whether a part holds messages, types or a check of lengths only."""
     match node:
         case ast.If():
             return ast.unparse(node.test) == "TYPE_CHECKING"
         case ast.Call():
             return ast.unparse(node.func).split(".")[0] in ("TypeVar", "logging", "warnings")
+        case ast.keyword(arg="strict"):
+            return True
         case ast.AnnAssign():
             return ast.unparse(node.annotation) == "TypeAlias"
     return isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert)
@@ -111,8 +114,8 @@ def is_left_alone(node: ast.AST) -> bool:
 
 def mutants_of(path: Path) -> list[Mutant]:
     """All mutants of a file, by its path from the root of the repository."""
-    source, found = (ROOT / path).read_bytes(), list[Mutant]()
-    starts = [0, *itertools.accumulate(map(len, source.splitlines(keepends=True)))]
+    lines, found = (ROOT / path).read_bytes().splitlines(keepends=True), list[Mutant]()
+    starts = [0, *itertools.accumulate(map(len, lines))]
 
     def visit(node: ast.AST, owner: str, prefix: str) -> None:
         """owner: function around the node; prefix: of the names of those inside of it."""
@@ -123,7 +126,8 @@ def mutants_of(path: Path) -> list[Mutant]:
             start = starts[old.lineno - 1] + old.col_offset
             end = starts[old.end_lineno - 1] + old.end_col_offset
             shown = " ".join(f"{ast.unparse(old)} -> {text}".split())
-            found.append(Mutant(path, old.lineno, kind, shown, start, end, text, owner))
+            source = lines[old.lineno - 1].decode().strip()
+            found.append(Mutant(path, old.lineno, kind, shown, source, start, end, text, owner))
         if isinstance(node, ast.ClassDef):
             prefix = f"{prefix}{node.name}."
         elif isinstance(node, ast.FunctionDef):
@@ -136,7 +140,7 @@ def mutants_of(path: Path) -> list[Mutant]:
                     if not (is_call and ast.dump(part) == LAST_AXIS):
                         visit(part, owner, prefix)
 
-    visit(ast.parse(source), "", "")
+    visit(ast.parse(b"".join(lines)), "", "")
     return found
 
 
