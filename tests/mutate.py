@@ -72,6 +72,11 @@ EQUIVALENT = {
         "for place in order[fits[order]][:MAX_TRIED]:",
         "MAX_TRIED -> (MAX_TRIED + 1)",
     ): "bound of the effort",
+    (
+        "recipe/reading.py",
+        'if re.search(r":\\s", lines[number][: mark.column]):',
+        "mark.column -> (mark.column + 1)",
+    ): "the next character is the colon, without the space after it",
     ("batch/batch.py", "return 0, 0", "0 -> (1)"): "no file has this time either",
 }
 """Reasons why mutants change nothing that a user could see, by file, line and change."""
