@@ -76,8 +76,6 @@ class Separatrices(kernels.Handled):
     def padded_crossings(self) -> Integers:
         """(2 s, depth, 2) crossings of each branch, padded with arbitrary ones."""
         steps = np.arange(int(self.lengths.max(initial=0)))
-        if len(steps) == 0:
-            return np.zeros((len(self.maxima), 0, 2), dtype=np.int64)
         places = np.minimum(self.branch_start[:-1, None] + steps, len(self.crossings) - 1)
         return self.crossings[places]
 

@@ -228,13 +228,12 @@ def trace_to_rests(equilibria: Equilibria, facets: Integers) -> Integers:
     known[rolls] = hull.facet[hull.twin[equilibria.roll_edge[rolls]]]
     current = facets.copy()
     for _ in range(len(known) + 1):
+        if equilibria.stable[current].all():
+            return current
         tipping = np.unique(current[known[current] < 0])
         if len(tipping):
             known[tipping] = descend(equilibria, tipping)
-        following = known[current]
-        if (following == current).all() and equilibria.stable[current].all():
-            return current
-        current = following
+        current = known[current]
     raise DegenerateBodyError(
         "body: two neighboring facets are equally high to within rounding, and a path between "
         "them cannot be decided; merge them with a larger coplanar tolerance"

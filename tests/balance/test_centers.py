@@ -44,6 +44,20 @@ def test_goals_that_are_refused(make: Callable[[], object], said: str) -> None:
         make()
 
 
+def test_the_effort_falls_with_the_corners_of_a_hull() -> None:
+    whole = CenterSearch(samples=500, descents=8, steps=40)
+    assert whole.for_corners(8) == whole
+    efforts = [whole.for_corners(count) for count in (10**3, 10**4, 10**5, 10**6)]
+    for name in ("samples", "descents", "steps"):
+        numbers = [getattr(each, name) for each in (whole, *efforts)]
+        assert numbers == sorted(numbers, reverse=True)
+        assert 0 < numbers[-1] < numbers[0]
+    # However many corners there are, and however little is asked for.
+    assert whole.for_corners(10**9) == efforts[-1]
+    least = CenterSearch(samples=1, descents=1, steps=1)
+    assert least.for_corners(10**6) == least
+
+
 def test_the_intersection_of_two_boxes() -> None:
     corners = box((2.0, 2.0, 2.0)).points
     one, other = (

@@ -193,6 +193,24 @@ def test_volume_mass_and_inertia(meshes: Path) -> None:
     assert (row["mass_g"], row["inertia_1_g_mm2"], row["unit"]) == (None, None, "mm")
 
 
+BOX = '<collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision>'
+
+WEIGHED = '<inertial><mass value="2"/><inertia ixx="0.01" iyy="0.02" izz="0.025"/></inertial>'
+
+
+def test_masses_of_links_in_meters(tmp_path: Path) -> None:
+    """The density is for links without a mass of their own, and for hulls in their place."""
+    links = f'<link name="plain">{BOX}</link><link name="weighed">{WEIGHED}{BOX}</link>'
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{links}</robot>')
+    for center, weighed, first in ((None, 2000.0, 1e7), ("hull", 7500.0, 7500.0 * 5e4 / 12.0)):
+        rows = one_table(tmp_path, RestOptions(center, density=1.25), ["r.urdf"])
+        masses = {row["body"]: row["mass_g"] for row in rows}
+        assert masses == pytest.approx({"plain": 7500.0, "weighed": weighed})
+        smallest = {row["body"]: row["inertia_1_g_mm2"] for row in rows}
+        assert smallest == pytest.approx({"plain": 7500.0 * 5e4 / 12.0, "weighed": first})
+        np.testing.assert_allclose([row["volume_mm3"] for row in rows], 6e6)
+
+
 @pytest.mark.parametrize("ending", ["csv", "parquet", "json"])
 def test_broken_files_and_odd_names_have_rows(
     meshes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str

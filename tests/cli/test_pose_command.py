@@ -100,6 +100,9 @@ def test_y_can_be_upward(tmp_path: Path, egg: Path) -> None:
     assert abs(y.bounds[0, 1]) < 1e-6
     assert y.extents[1] == pytest.approx(z.extents[2], rel=1e-6)
     assert y.volume == pytest.approx(z.volume, rel=1e-5)
+    # A rotation, not its mirror image.
+    turned = z.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+    np.testing.assert_allclose(y.vertices, turned, atol=1e-6)
 
 
 def test_a_pose_depends_on_the_seed_and_not_on_other_meshes(tmp_path: Path, egg: Path) -> None:

@@ -92,10 +92,14 @@ def test_the_glb_holds_each_mesh_once_and_each_body_as_a_node(
     scene = trimesh.load(out)
     # In the file, y points up.
     back = np.linalg.inv(scene.graph["room"][0])
+    assert np.linalg.det(back[:3, :3]) == pytest.approx(1.0)
     for k, body in enumerate(answer["bodies"]):
         np.testing.assert_allclose(back @ scene.graph[f"body {k}"][0], body["transform"], atol=1e-6)
     assert scene.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
     np.testing.assert_allclose(scene.extents[[0, 2]], answer["floor"], rtol=1e-6)
+    floor = scene.geometry["floor"]
+    assert floor.area == pytest.approx(np.prod(answer["floor"]), rel=1e-6)
+    np.testing.assert_allclose(floor.face_normals, [[0.0, 0.0, 1.0]] * 2, atol=1e-6)
 
 
 def test_all_meshes_are_scaled_to_one_size(

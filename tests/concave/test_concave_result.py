@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions, HollowOptions
-from dicedesign.concave.result import ConcaveProgress, FilledHull, missing, rank
+from dicedesign.concave.result import ConcaveProgress, FilledHull, angle_penalty, missing, rank
 from dicedesign.concave.search import checkpoint_bytes, read_checkpoint
 from dicedesign.errors import InputError, RecipeError
 from dicedesign.recipe.reading import parse_recipe
@@ -132,3 +132,15 @@ def test_missing_damaged_and_foreign_checkpoints_are_refused(tmp_path: Path) -> 
         path.write_bytes(damaged)
         with pytest.raises(InputError, match="got a file that cannot be read as one"):
             read_checkpoint(path, SEARCH)
+
+
+def test_angles_cost_one_at_their_minimum_and_nothing_far_above() -> None:
+    options = ConcaveOptions(apart_deg=40.0, margin_deg=8.0)
+    assert angle_penalty(179.0, 89.0, options) == 0.0
+    assert angle_penalty(40.0, 89.0, options) == pytest.approx(1.0)
+    assert angle_penalty(179.0, 8.0, options) == pytest.approx(1.0)
+    assert angle_penalty(20.0, 4.0, options) == 2.0
+    costs = [angle_penalty(40.0 * share, 89.0, options) for share in (1.0, 1.01, 1.02, 1.03)]
+    np.testing.assert_allclose(np.diff(costs), costs[1] - 1.0, rtol=1e-9)
+    assert costs[1] < 1.0
+    assert angle_penalty(10.0, 89.0, ConcaveOptions(apart_deg=0.0, margin_deg=8.0)) == 0.0

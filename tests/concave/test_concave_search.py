@@ -204,6 +204,21 @@ def test_a_resumed_search_ends_like_an_uninterrupted_one(done: int) -> None:
     assert resumed.after.points.tobytes() == die.after.points.tobytes()
 
 
+@pytest.mark.parametrize(("prints", "attempts"), [(0.25, 2), (0.26, 3)])
+def test_enough_attempts_end_a_search(prints: float, attempts: int) -> None:
+    """Half as many more if prints are off by more than half of what is allowed."""
+    options = ConcaveOptions(attempts=9, displacement=1e-6, enough=2, prints_within=0.5)
+    die = make_concave_die(
+        SMALL,
+        HALVES,
+        options,
+        seed=3,
+        resume=uninterrupted_search()[1][1],
+        judge_prints=lambda *_: prints,
+    )
+    assert die.progress.attempts == attempts
+
+
 def test_a_search_without_a_filled_hull(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(attempt, "fill_by_correspondence", lambda *arguments: None)
     text = "none of 1 attempts did; allow more with method.concave.attempts"

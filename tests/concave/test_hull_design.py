@@ -118,6 +118,39 @@ def test_the_displacement_is_measured_after_alignment() -> None:
     assert fine_problem().mean_displacement(moved) == pytest.approx(distances.mean(), rel=1e-3)
 
 
+def test_cavities_shift_the_center_where_the_surface_moves_least() -> None:
+    """Corners that all move by the opposite of a shift stay where they are."""
+    box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    solid, half = fine_problem(), 0.1
+    problem = solid.with_room(convex_hull(half * box))
+    within = half * np.array([0.3, -0.6, 0.8])
+    still = np.broadcast_to(-within, problem.hull.vertices.shape)
+    np.testing.assert_allclose(problem.shift(still), within, rtol=1e-5)
+    assert problem.displacement(still) < 1e-6 < solid.displacement(still)
+    assert problem.mean_displacement(still) < 1e-6 < solid.mean_displacement(still)
+    moved = still + 0.05 * np.random.default_rng(1).normal(size=still.shape)
+    for beyond in (0.0, half):
+        there = moved - [beyond, 0.0, 0.0]
+        shift = problem.shift(there)
+        assert np.abs(shift).max() <= half * (1.0 + 1e-9)
+        least = problem.displacement(there)
+        assert least == pytest.approx(solid.displacement(there + shift), rel=1e-9)
+        mean = solid.mean_displacement(there + shift)
+        assert problem.mean_displacement(there) == pytest.approx(mean, rel=1e-9)
+        for other in np.random.default_rng(2).uniform(-half, half, size=(50, 3)):
+            assert solid.displacement(there + other) >= least
+    designed = problem.designed(
+        problem.hull.vertices, np.arange(len(moved)), moved, np.eye(3)[:2], 0.0
+    )
+    np.testing.assert_array_equal(designed.shift, problem.shift(moved))
+    offset = designed.center_of_mass + designed.shift
+    np.testing.assert_allclose(
+        np.sort(designed.hull.vertices, axis=0),
+        np.sort(problem.hull.vertices + offset, axis=0),
+        atol=1e-12,
+    )
+
+
 def test_relative_forces_and_centers_by_brute_force() -> None:
     held, surface = fine_problem().held, fine_problem().surface
     wanted = 0.1 * np.random.default_rng(4).normal(size=(len(held.corners), 3))

@@ -3,6 +3,7 @@ and statistics."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +14,13 @@ from common.bumpy import ball, surface_of
 from common.made_up_die import SIDES, box
 from scipy import stats
 
-from dicedesign.fabricate.print_copies import NOTICED, ROLLS, PrintedCopies, print_tolerances
+from dicedesign.fabricate.print_copies import (
+    NOTICED,
+    ROLLS,
+    PrintedCopies,
+    print_tolerances,
+    total_variations,
+)
 from dicedesign.fabricate.printers import FDM, PrintErrors
 from dicedesign.geometry.hulls.hull import convex_hull, polyhedron_corners
 from dicedesign.geometry.meshes.body import Body, body_of
@@ -112,6 +119,30 @@ def test_copies_that_are_no_body_are_noticed() -> None:
     right = copies.exact[:-1]
     worst = print_tolerances(copies, right, right, off, FDM)
     assert worst.noticed > lost.mean() + 0.05 * (1.0 - lost.mean())
+
+
+def test_the_variation_of_prints_is_the_largest_difference_of_any_event() -> None:
+    """Among the events are falls elsewhere, which the target excludes."""
+    target = np.array([0.5, 0.3, 0.2])
+    prints = np.array([[0.4, 0.3, 0.2], [0.5, 0.3, 0.2], [0.25, 0.35, 0.25]])
+    events = np.array(list(itertools.product([0.0, 1.0], repeat=4)))
+    whole = np.column_stack([prints, 1.0 - prints.sum(axis=1)])
+    expected = ((whole - np.append(target, 0.0)) @ events.T).max(axis=1)
+    np.testing.assert_allclose(total_variations(target, prints), expected, atol=1e-15)
+
+
+def test_nine_in_ten_copies_are_nearer_than_the_tolerance() -> None:
+    points, errors = die(0), PrintErrors()
+    result, right = tolerances(points)
+    copies = copies_of(points, rest_poses(points).normals)
+    every = copies.probabilities(errors, FDM.layer_mm)
+    off = np.sort(np.abs(np.column_stack([every[:, :-1] - right, every[:, -1]])).sum(axis=1) / 2)
+    # Of 64, between the 57th and the 58th.
+    assert off[56] <= result.nine_in_ten <= off[57]
+    assert result.total_variation == pytest.approx(off.mean())
+    assert result.elsewhere == pytest.approx(every[:, -1].mean())
+    np.testing.assert_allclose(result.mean, every[:, :-1].mean(axis=0))
+    np.testing.assert_allclose(result.deviations, every[:, :-1].std(axis=0))
 
 
 def fine_box(*sides: float, halvings: int = 3) -> Body:

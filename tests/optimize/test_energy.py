@@ -92,6 +92,29 @@ def test_equation_15_sums_over_all_facets_nearby(clustered) -> None:
         assert float(value) == pytest.approx(expected, rel=1e-12), radius
 
 
+def test_a_face_without_a_rest_is_borne_by_the_nearest_and_least_unstable_facet() -> None:
+    """By the sum of the cosine and the depth, which both are at most 1."""
+    choices = set()
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        rests = evaluate_rests(torch.tensor(rng.normal(size=(16, 3)) * [0.5, 1.0, 2.0]))
+        normals, facets = rests.hull.normals, rests.paths.rests
+        unstable = np.setdiff1d(np.arange(len(normals)), facets)
+        lost = unit_vectors(normals[rng.choice(unstable)] + 0.3 * rng.normal(size=3))
+        directions = np.array([*normals[facets], lost])
+        clusters = cluster(normals[facets], directions)
+        state = ClusteredRests(rests, clusters, np.full(len(directions), 0.1))
+        assert set(facets) <= set(state.bearing.tolist())
+        near = [k for k in unstable if np.argmax(directions @ normals[k]) == len(facets)]
+        # Feet outside of facets have depths below 0.
+        assert max(rests.depths[near], default=-1.0) < 0.0
+        worth = {k: normals[k] @ lost + max(rests.depths[k], -1.0) for k in near}
+        best = max(near, key=worth.__getitem__, default=None)
+        assert set(state.bearing.tolist()) - set(facets) == ({best} if near else set())
+        choices.add(best == max(near, key=lambda k: normals[k] @ lost, default=None))
+    assert choices == {True, False}
+
+
 def test_hold_and_clear_charge_the_deepest_rest_and_all_other_facets(clustered) -> None:
     rests, clusters = clustered
     depths, facets = rests.facet_depths.detach().numpy(), rests.paths.rests

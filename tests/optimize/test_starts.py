@@ -322,3 +322,10 @@ def test_the_first_groups_have_an_orbit_for_each_probability() -> None:
             for orbit in np.unique(orbits):
                 assert np.ptp(target.probabilities[orbits == orbit]) < 1e-12
     assert fitting_groups(np.array([0.5, 0.3, 0.2])) == []
+
+
+@pytest.mark.parametrize("target", [(0.5, 0.25, 0.25), (0.4, 0.3, 0.3)])
+def test_as_three_facets_enclose_no_solid_larger_groups_come_first(target: tuple[float]) -> None:
+    sizes = [len(point_group(name)) for name in fitting_groups(np.array(target))]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] > sizes[-1]

@@ -98,6 +98,7 @@ def test_a_die_that_is_off_when_thrown_has_a_warning(
     [
         ({"faces": 7}, "faces: .*even number.*got 7"),
         ({"faces": 2}, "faces: .*from 4 to .*got 2"),
+        ({"faces": 202}, "faces: .*to 200, got 202"),
         ({"faces": "many"}, "faces: .*one, auto"),
         ({"faces": 4}, "faces: .*at least 6.*got 4"),
         ({"faces": "auto", "start": {"prism": {}}}, "start: .*faces: auto"),
@@ -110,6 +111,12 @@ def test_a_die_that_is_off_when_thrown_has_a_warning(
 def test_wishes_that_contradict_each_other(entries: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         parse_recipe({"name": "die", "target": {"fair": 6}, **entries})
+
+
+@pytest.mark.parametrize(("outcomes", "faces"), [(4, 4), (6, 6), (2, 200)])
+def test_the_least_and_the_most_faces_are_allowed(outcomes: int, faces: int) -> None:
+    recipe = parse_recipe({"name": "die", "target": {"fair": outcomes}, "faces": faces})
+    assert recipe.faces == faces
 
 
 @pytest.mark.parametrize(

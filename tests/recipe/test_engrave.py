@@ -173,6 +173,12 @@ def test_a_symmetry_is_kept_if_the_printer_shows_the_labels(printer: str, is_kep
     assert (work.balance.moved_mm < 1e-9) == is_kept
     before, after = (convex_hull(each.points) for each in (work.solid, work.engraved))
     assert np.allclose(np.sort(before.areas), np.sort(after.areas), rtol=1e-6) == is_kept
+    # The center of mass is the origin, and the labels are on the facets.
+    assert norms(read_stl(work.files["die.stl"]).surface.centroid) < 1e-5
+    for placement in work.engraved.placements:
+        facet = np.argmax(after.normals @ placement.normal)
+        height = after.vertices[after.tail[after.facet_start[facet]]] @ after.normals[facet]
+        assert placement.frame[:3, 3] @ after.normals[facet] == pytest.approx(height, abs=1e-5)
 
 
 def test_a_rounded_die_keeps_its_symmetry_where_moved_facets_would_split_corners() -> None:

@@ -123,6 +123,12 @@ def test_equal_faces_of_three_coins_are_an_octahedron() -> None:
     assert len(corners) == 6
 
 
+def test_equal_faces_are_equally_probable_without_a_symmetry() -> None:
+    work = make("check", target={"binomial": 3, "faces": 8})
+    assert len(work.final.poses.probabilities) == 8
+    np.testing.assert_allclose(work.final.poses.probabilities, 0.125, atol=1e-9)
+
+
 def test_equal_labels_come_on_opposite_sides_of_a_cube() -> None:
     normals = np.concatenate([np.eye(3), -np.eye(3)])
     labels = np.array(["+", "+", "0", "0", "-", "-"])

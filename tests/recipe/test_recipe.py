@@ -317,6 +317,21 @@ def test_dice_of_which_some_are_kept(
     np.testing.assert_allclose(target.probabilities, probabilities, rtol=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("dice", "beyond", "outcomes"),
+    [
+        ("d100 - d101", "d101 - d101", 200),
+        ("2d200kh1", "2d201kh1", 200),
+        ("20d2kh1", "21d2kh1", 2),
+        ("d200 + 1", "d201 + 1", 200),
+    ],
+)
+def test_the_most_dice_and_outcomes(dice: str, beyond: str, outcomes: int) -> None:
+    assert len(TargetRecipe.model_validate(parse_target(dice)).target().labels) == outcomes
+    with pytest.raises((RecipeError, ValueError)):
+        TargetRecipe.model_validate(parse_target(beyond))
+
+
 @pytest.mark.parametrize("text", ["a:", ": :", "[a: 1]", "fair: [", "!!python/x: y", "- a: 1"])
 def test_invalid_typed_targets(text: str) -> None:
     with pytest.raises((RecipeError, ValueError)):

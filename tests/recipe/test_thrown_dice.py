@@ -16,14 +16,17 @@ from common.kernels import compiled_only
 from dicedesign.cli.main import main
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.reading import read_body
+from dicedesign.optimize.options import MOST_ROUNDS
 from dicedesign.recipe.pipeline import Callbacks, Work, run, run_stages
 from dicedesign.recipe.reading import parse_recipe
+from dicedesign.recipe.thrown import VERDICT_ROUND, throw_seed
 from dicedesign.rest.poses import rest_poses
 from dicedesign.results.folder import read_result
 from dicedesign.results.parts import RoundOfThrows, Status
 from dicedesign.throws import simulation as die_on_table
-from dicedesign.throws.momentum_probabilities import throw_probabilities
-from dicedesign.throws.rigid_body import RigidBody
+from dicedesign.throws.momentum_model import momentum_model
+from dicedesign.throws.momentum_probabilities import momentum_probabilities, throw_probabilities
+from dicedesign.throws.rigid_body import RigidBody, rigid_body
 from dicedesign.throws.simulation import Throws
 from dicedesign.throws.tables import HANDS, Table, mixture_tables
 
@@ -162,6 +165,40 @@ def test_rounds_throw_onto_all_tables(
     assert section.simulated.drops == 300
     assert len(section.by_table.values) == 4
     assert [entry.is_kept for entry in section.rounds].count(True) == 1
+
+
+def test_each_series_of_throws_of_each_recipe_has_its_own_seed() -> None:
+    series = [*range(MOST_ROUNDS), VERDICT_ROUND]
+    seeds = [throw_seed(seed, number) for seed in range(5) for number in series]
+    assert len(set(seeds)) == len(seeds)
+
+
+def test_a_forecast_is_for_all_tables_of_a_mixture(tmp_path: Path) -> None:
+    """One of eight is lively."""
+    lively, dead = ({**MIXTURE[0], "restitution": e} for e in (0.8, 0.1))
+    table = {**lively, "name": "two", "mixture": [lively, *[dead] * 7]}
+    path = tmp_path / "two.json"
+    path.write_text(json.dumps(table))
+    target, method = {"probabilities": [0.47, 0.31, 0.22]}, {"exact": {"table": str(path)}}
+    recipe = {**PRISM, "target": target, "symmetry": "none", "method": method}
+    work = Work(parse_recipe(recipe))
+    run_stages(work, last="check")
+    body, poses = work.final.body, work.final.poses
+    thrown = rigid_body(body, poses)
+    path.write_text(json.dumps({**table, "size": 2e-3 * thrown.radius}))
+    run_stages(work, after="check", last="forecast")
+    outcome, by_table = np.argmax(poses.normals @ work.die.directions.T, axis=1), []
+    for one in mixture_tables(str(path)):
+        rests = momentum_probabilities(poses, thrown, momentum_model(str(path)).near(one))
+        by_table.append(np.bincount(outcome, rests, 3))
+    mean, wanted = np.mean(by_table, axis=0), work.target.probabilities
+    assert np.abs(mean - by_table[0]).max() > 0.01
+    np.testing.assert_allclose(work.forecast.probabilities, mean, atol=1e-9)
+    variation = 0.5 * np.abs(mean - wanted).sum()
+    assert work.forecast.total_variation == pytest.approx(variation, abs=1e-9)
+    off = 0.5 * np.abs(np.array(by_table) - wanted).sum(axis=1)
+    assert work.forecast.nine_in_ten == pytest.approx(np.quantile(off, 0.9), abs=1e-9)
+    assert np.ptp(off) > 0.005
 
 
 def contents(folder: Path) -> dict[str, bytes]:

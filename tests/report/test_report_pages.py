@@ -35,6 +35,7 @@ from dicedesign.results.parts import (
     Draft,
     Search,
     SimulatedThrows,
+    Status,
     TableResult,
     ThrowForecast,
     TradeOff,
@@ -351,6 +352,10 @@ def test_a_die_has_a_verdict_for_each_way_to_roll_it(
         known["forecast"] = ThrowForecast("board-game", probabilities, off, off)
     set_down, thrown = judge(replace(result, **known))
     assert (set_down.mark.value, thrown.mark.value) == marks
+    # Of the text of a status, a sentence has the flaw and not the advice.
+    flaw, _, _ = Status[known.get("status", "converged").upper()].value.partition(";")
+    assert (flaw in set_down.sentence) == (known.get("status") == "unsteady")
+    assert ";" not in set_down.sentence + thrown.sentence
 
 
 def test_a_trimesh_without_its_viewer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from dicedesign import rest_poses
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.rest.outcomes import (
     assign_rests,
+    facet_of_rest,
     outcome_margins,
     outcome_probabilities,
 )
@@ -59,6 +60,12 @@ def test_a_rest_at_the_limit_is_of_the_outcome() -> None:
     for angle, main, rests in ((limit, 1, 2), (np.nextafter(limit, 0.0), 0, 1)):
         outcomes = assign_rests(normals, np.array([0.3, 0.7]), normals[:1], within=angle)
         assert (outcomes.main.tolist(), outcomes.rest_counts.tolist()) == ([main], [rests])
+
+
+def test_without_shown_facets_no_rest_has_one() -> None:
+    normals = np.eye(3)
+    assert facet_of_rest(normals, normals[:0]).tolist() == [-1, -1, -1]
+    assert facet_of_rest(normals, normals[[2, 0]]).tolist() == [1, -1, 0]
 
 
 def test_margins_are_the_angles_at_which_a_box_tips() -> None:

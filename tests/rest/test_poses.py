@@ -139,6 +139,21 @@ def test_asymmetry_and_margins_of_a_cube_and_a_box() -> None:
     assert asymmetry(rest_poses(body.points @ turn.T)) == pytest.approx(expected, abs=1e-13)
 
 
+def test_two_rests_with_many_saddles_between_them_are_one_pair() -> None:
+    """A flat body with unequal ends, which rolls over the middle of a near edge of its rim."""
+    ends = [
+        [x, y, z] for s, z in ((0.7, 0.3), (0.5, -0.3)) for x in (-2 * s, 2 * s) for y in (-s, s)
+    ]
+    rim = [[x, y, 0.0] for x in (-2.0, 2.0) for y in (-1.0, 1.0)]
+    poses = rest_poses(np.array(ends + rim))
+    assert (len(poses.probabilities), len(poses.morse.saddles)) == (2, 4)
+    low = poses.center_of_mass[2]
+    assert abs(low) > 0.01
+    above = np.arctan2(1.0, abs(low))
+    expected = poses.probabilities.min() * ((np.pi - above) / np.pi - 0.5)
+    assert asymmetry(poses) == pytest.approx(expected, rel=1e-9)
+
+
 def test_polylines_run_between_maxima_and_separate_their_basins() -> None:
     for rests in SEVERAL:
         morse = rests.morse
@@ -228,6 +243,7 @@ def assert_on_the_table(equilibria: Equilibria, step: RollStep) -> None:
     heights = place(step, equilibria.hull.vertices)[:, 2]
     assert heights.min() > -1e-12
     np.testing.assert_allclose(heights[list(step.vertices)], 0.0, atol=1e-12)
+    assert sorted(step.vertices) == np.flatnonzero(heights < 1e-9).tolist()
     assert step.height == pytest.approx(place(step, equilibria.center_of_mass)[2], abs=1e-12)
     assert step.contact == {1: "vertex", 2: "edge"}.get(len(step.vertices), "facet")
 

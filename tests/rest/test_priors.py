@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import integrate
 from scipy.spatial.transform import Rotation
 
 import dicedesign as dd
+from dicedesign.errors import InputError
 from dicedesign.rest.border_arcs import integrals
 from dicedesign.runtime.arrays import Floats
 from tests.reference.extremes import ANTIPODE_SEEDS, lopsided_needle
@@ -154,7 +157,18 @@ def test_a_fit_finds_the_axis_and_the_concentration() -> None:
         axis = AXES[2] / np.linalg.norm(AXES[2])
         assert np.dot(fitted.axis, axis) > 1.0 - 1e-3
     assert dd.VonMisesFisher.fitted(CUBE).concentration < 1e-15
+    assert dd.VonMisesFisher.fitted([[0.0, 0.0, 2.0], [0.0, 0.0, -1.0]]).concentration == 0.0
     assert dd.VonMisesFisher.fitted([[0.0, 0.0, 5.0]]).concentration > 1e9
+
+
+def test_directions_in_a_file_may_have_a_header_and_empty_lines(tmp_path: Path) -> None:
+    path = tmp_path / "directions.csv"
+    path.write_text("x,y,z\n0,0,3\n\n0,-2,0\n")
+    prior = dd.SampledDirections.read(path)
+    np.testing.assert_array_equal(prior.directions, [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    path.write_text("0,0,3\nx,y,z\n")
+    with pytest.raises(InputError, match="in line 2"):
+        dd.SampledDirections.read(path)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from dicedesign.results.parts import (
     TableResult,
     TradeOff,
 )
+from dicedesign.results.print_parts import FileCheck
 from dicedesign.results.result import (
     Balance,
     Designed,
@@ -176,3 +178,21 @@ def test_other_files_are_refused(tmp_path: Path, text: str | None) -> None:
         (tmp_path / "result.json").write_text(text, encoding="latin-1")
     with pytest.raises(InputError, match="name a folder written by `dicedesign run`"):
         read_result(tmp_path)
+
+
+def test_a_solid_has_one_piece_and_no_flaw_of_any_kind() -> None:
+    solid = FileCheck(
+        open_edges=0,
+        pieces=1,
+        cavities=2,
+        self_intersections=0,
+        flat_triangles=0,
+        volume_mm3=3.0,
+    )
+    assert solid.is_solid
+    flaws = ("open_edges", "self_intersections", "flat_triangles")
+    for first, second in product(flaws, flaws):
+        assert not replace(solid, **{first: 2, second: 2}).is_solid
+        assert not replace(solid, **{first: 1}).is_solid
+    for pieces, volume in ((0, 3.0), (2, 3.0), (1, 0.0), (1, -3.0)):
+        assert not replace(solid, pieces=pieces, volume_mm3=volume).is_solid

@@ -115,6 +115,26 @@ def test_only_missing_dice_are_made(
     assert (copied / "sweep.csv").read_bytes() == table
 
 
+def test_dice_of_an_earlier_recipe_are_made_again(
+    recipe_path: Path, copied: Path, tmp_path: Path
+) -> None:
+    """Also those whose recipe cannot be read, and those of the right recipe without a result."""
+    changed, labels = tmp_path / "four.yaml", "target: {fair: 4, labels: [a, b, c, d]}"
+    changed.write_text(recipe_path.read_text().replace("target: {fair: 4}", labels))
+    lossy = Lossy(lambda *_: False)
+    assert sweep(changed, copied, *SETTINGS, executor=lossy) == 0
+    names = [row["folder"] for row in rows_of(copied)]
+    assert len(lossy.submitted) == len(names) == 4
+    for name in names:
+        result = json.loads((copied / name / "result.json").read_text())
+        assert result["labels"] == list("abcd")
+    (copied / names[0] / "recipe.yaml").write_text("a: [")
+    (copied / names[1] / "result.json").unlink()
+    assert sweep(changed, copied, *SETTINGS, executor=lossy) == 0
+    made = [name for _, recipes in lossy.submitted[4:] for name in recipes]
+    assert sorted(made) == sorted(names[:2])
+
+
 def test_a_die_that_misses_its_target_is_the_last_row(recipe_path: Path, tmp_path: Path) -> None:
     paper = "{paper: {step: line_search, finish: none, steps: 1}}"
     changes = ("target={binomial: 3}", "start={prism: {sides: 4}}", f"method={paper},exact")

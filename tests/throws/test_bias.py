@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 from dicedesign.throws.bias import Bias, Estimate, expected_variation, measure_tables
+from dicedesign.throws.distances import noise_floor
 
 PROBABILITIES = np.array([0.5, 0.3, 0.15, 0.05])
 
@@ -75,3 +76,26 @@ def test_few_throws_onto_each_table_give_the_variations_on_all() -> None:
     result = measure_tables(TARGET, measures, perfect, np.rint(1e9 * perfect).astype(np.int64))
     assert result.noticed == pytest.approx(0.01, abs=1e-4)
     assert result.worst < 1e-6
+
+
+@pytest.mark.parametrize("off", [0.0, 0.02, 0.05])
+def test_a_wrong_coin_is_noticed_as_a_normal_number_deviates(off: float) -> None:
+    """With one degree of freedom, the test is that of heads against their standard deviation."""
+    fair, wrong = np.array([0.6, 0.4]), np.array([0.6 + off, 0.4 - off])
+    counts = np.rint(1e10 * wrong).astype(np.int64)[None]
+    result = measure_tables(fair, np.zeros((1, 0)), wrong[None], counts)
+    ratio = 1_000 * off / np.sqrt(1_000 * 0.6 * 0.4)
+    critical = stats.norm.isf(0.005)
+    expected = stats.norm.sf(critical - ratio) + stats.norm.cdf(-critical - ratio)
+    assert result.noticed == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_effect_of_chance_is_the_mean_over_series() -> None:
+    """Tables that do not differ share all throws, and with them the deviation by chance."""
+    tables, throws = 5, 400
+    counts = np.rint(throws * np.tile(TARGET, (tables, 1))).astype(np.int64)
+    result = measure_tables(TARGET, np.zeros((tables, 0)), np.tile(TARGET, (tables, 1)), counts)
+    floor = noise_floor(TARGET, int(counts.sum()))
+    # Of 40 series.
+    assert result.chance_often == pytest.approx(floor, rel=0.12)
+    assert result.chance_worst == pytest.approx(result.chance_often, rel=1e-6)

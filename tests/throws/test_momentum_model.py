@@ -162,3 +162,22 @@ def test_few_tables_represent_a_mixture(dice: list[RandomDie]) -> None:
         spreads.append(np.quantile([total_variation(one, few) for one in each], 0.9))
     # The model itself is off by 0.03 on average.
     assert np.mean(gaps) < min(0.03, 0.3 * np.mean(spreads))
+
+
+def test_tables_of_a_mixture_count_as_often_as_they_are_listed(
+    dice: list[RandomDie], tmp_path: Path
+) -> None:
+    path, row = tmp_path / "mine.json", {"height": 0.2, "speed": 0.5, "spin": 20.0}
+    lively, dead = ({**row, "restitution": e, "friction": 0.3} for e in (0.7, 0.1))
+    path.write_text(json.dumps({"name": "mine", **lively, "mixture": [lively, *[dead] * 7]}))
+    mixture = momentum_model(str(path))
+    assert mixture is not None
+    for die in dice[:2]:
+        first, second = (
+            momentum_probabilities(die.poses, die.body, mixture.near(Table("x", **each)))
+            for each in (lively, dead)
+        )
+        assert total_variation(first, second) > 0.02
+        expected = first / 8.0 + 7.0 * second / 8.0
+        mean = momentum_probabilities(die.poses, die.body, mixture)
+        np.testing.assert_allclose(mean, expected, atol=1e-12)

@@ -18,6 +18,7 @@ from dicedesign.gradient.probability_model import ThrowProbabilities
 from dicedesign.gradient.rest_probabilities import RestEvaluation
 from dicedesign.rest.equilibria import classify
 from dicedesign.rest.poses import rest_poses
+from dicedesign.throws.momentum_model import momentum_model
 from dicedesign.throws.momentum_probabilities import (
     landing_probabilities,
     momentum_probabilities,
@@ -98,6 +99,19 @@ def test_one_rest_is_always_reached() -> None:
     assert np.abs(BOARD_GAME.jacobian(rests)).max() < 1e-12
     with without_kernels():
         assert BOARD_GAME.probabilities(rests) == pytest.approx([1.0])
+
+
+def test_without_momentum_or_with_one_rest_throws_are_as_set_down() -> None:
+    model = momentum_model("board-game")
+    points = random_points(13, 13)
+    hull = convex_hull(points)
+    center = 0.95 * hull.vertices[hull.tail[: hull.facet_start[1]]].mean(axis=0)
+    for given, mixture, rests in ((None, None, 8), (center, None, 1), (center, model, 1)):
+        poses = rest_poses(points, given)
+        body = rigid_body(make_body(points), poses)
+        assert (len(poses.facets) == 1) == (rests == 1)
+        thrown = momentum_probabilities(poses, body, mixture)
+        np.testing.assert_array_equal(thrown, poses.probabilities)
 
 
 @compiled_only

@@ -57,6 +57,8 @@ def test_the_exact_test_by_brute_force(
     # Tables drawn at random agree with all.
     monkeypatch.setattr(goodness_of_fit, "MAX_TABLES", 0)
     drawn = exact_multinomial(counts, probabilities)
+    # The observed ones are added.
+    assert drawn.tables == goodness_of_fit.DRAWS + 1
     error = math.sqrt(expected * (1.0 - min(expected, 1.0)) / 1e5)
     assert drawn.p_value == pytest.approx(expected, abs=4.0 * error + 1e-5)
     assert drawn.standard_error == pytest.approx(error, rel=0.2, abs=1e-5)

@@ -125,7 +125,14 @@ def test_invalid_files(path: Path, changes: dict, message: str) -> None:
 
 @pytest.mark.parametrize(
     ("height", "lifted"),
-    [(0.1, 0.1), (0.03, 0.035), ((0.03, 0.09), (0.035, 0.09)), ((0.02, 0.03), 0.035), (0.0, 0.0)],
+    [
+        (0.1, 0.1),
+        (0.03, 0.035),
+        ((0.03, 0.09), (0.035, 0.09)),
+        ((0.02, 0.03), 0.035),
+        ((0.02, 0.035), 0.035),
+        (0.0, 0.0),
+    ],
 )
 def test_a_large_die_is_released_from_at_least_its_size(height: Any, lifted: Any) -> None:
     table = Table("low", 0.5, 0.5, height, 0.1, 1.0, size=0.02)
