@@ -19,6 +19,7 @@ from dicedesign.report.pages import sweep_page
 from dicedesign.results.folder import read_result
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Booleans, Floats
+from dicedesign.runtime.csv_cells import guard_cell
 from dicedesign.runtime.files import write_files
 from dicedesign.sweep.dice import Combination, is_made
 
@@ -160,5 +161,5 @@ def _csv_text(columns: Sequence[str], rows: Sequence[Row]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({key: guard_cell(value) for key, value in row.items()} for row in rows)
     return text.getvalue()

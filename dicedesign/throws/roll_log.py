@@ -12,6 +12,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Integers
+from dicedesign.runtime.csv_cells import guard_cell, plain_cell
 from dicedesign.runtime.files import atomic_write, read_text
 
 MAX_COUNT = 10**9
@@ -135,7 +136,7 @@ class RollLog:
 
     def _save(self) -> None:
         text = io.StringIO()
-        lines = [ONE_BY_ONE, *([label] for label in self.throws)]
+        lines = [ONE_BY_ONE, *([guard_cell(label)] for label in self.throws)]
         csv.writer(text, lineterminator="\n").writerows(lines)
         atomic_write(self.path, text.getvalue().encode())
 
@@ -183,7 +184,9 @@ def csv_rows(path: Path) -> tuple[list[str], Rows]:
     text = read_text(path, "a CSV file of throws")
     try:
         reader = csv.reader(io.StringIO(text, newline=""))
-        rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
+        rows = [
+            (reader.line_num, [plain_cell(entry.strip()) for entry in row]) for row in reader
+        ]
     except csv.Error as error:
         raise InputError(
             f"{path}: expected a CSV file of throws, but {error}; correct it"
