@@ -82,9 +82,7 @@ NEUTRAL = {
 
 INHERITED = re.compile(r"fill(-.+)?|stroke(-.+)?")
 
-TRANSFORM = re.compile(
-    r"\s*((matrix|translate|scale|rotate|skewX|skewY)\s*\([^()]*\)(\s*,)?\s*)*"
-)
+TRANSFORM = re.compile(r"\s*((matrix|translate|scale|rotate|skewX|skewY)\s*\([^()]*\)(\s*,)?\s*)*")
 """One transform after the other. No text matches in two ways, which would take exponential time."""
 
 PATH_PART = re.compile(r"\d+\.?\d*|\.\d+|[a-df-zA-DF-Z]")

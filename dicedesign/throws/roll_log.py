@@ -184,9 +184,7 @@ def csv_rows(path: Path) -> tuple[list[str], Rows]:
     text = read_text(path, "a CSV file of throws")
     try:
         reader = csv.reader(io.StringIO(text, newline=""))
-        rows = [
-            (reader.line_num, [plain_cell(entry.strip()) for entry in row]) for row in reader
-        ]
+        rows = [(reader.line_num, [plain_cell(entry.strip()) for entry in row]) for row in reader]
     except csv.Error as error:
         raise InputError(
             f"{path}: expected a CSV file of throws, but {error}; correct it"

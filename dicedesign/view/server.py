@@ -206,7 +206,9 @@ async def _read_body(request: Request, most: int) -> bytes:
         except StopAsyncIteration:
             return bytes(body)
         except TimeoutError as error:
-            raise HTTPException(408, "Expected the rest of the request; send it again.\n") from error
+            raise HTTPException(
+                408, "Expected the rest of the request; send it again.\n"
+            ) from error
         if len(body) > most:
             raise too_large
 

@@ -20,6 +20,7 @@ from dicedesign.errors import MeshFileError
 from dicedesign.geometry.meshes.body import merge_positions
 from dicedesign.runtime.arrays import Floats, Integers
 
+
 class Geometry(NamedTuple):
     """Content of a mesh file.
 
