@@ -157,7 +157,7 @@ def _rows_of_one_die(path: Path, labels: Sequence[str], headers: Sequence[list[s
             else "write the label of each throw on a line, or name a new file"
         )
         raise InputError(
-            f"{path}: expected a first line {either}, got {','.join(columns)!r}; {counted}"
+            f"{path}: expected a first line {either}, got {','.join(columns)[:QUOTED]!r}; {counted}"
         )
     check_lengths(path, columns, rows)
     for line, row in rows:
@@ -170,7 +170,7 @@ def _check_label(where: str, label: str, labels: Sequence[str]) -> None:
     if label not in labels:
         examples = ", ".join(labels[:MAX_NAMED]) + ", ..." * (len(labels) > MAX_NAMED)
         raise InputError(
-            f"{where}: expected a label of the die ({examples}), got {label!r}; correct it, or "
+            f"{where}: expected a label of the die ({examples}), got {label[:QUOTED]!r}; correct it, or "
             "leave out throws that show no label"
         )
 
@@ -198,7 +198,7 @@ def check_lengths(path: Path, columns: list[str], rows: Rows) -> None:
     for line, row in rows:
         if len(row) != len(columns):
             raise InputError(
-                f"{path}, line {line}: expected {len(columns)} entries, got {','.join(row)!r}; "
+                f"{path}, line {line}: expected {len(columns)} entries, got {','.join(row)[:QUOTED]!r}; "
                 "write as many as the first line has"
             )
 

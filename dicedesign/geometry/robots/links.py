@@ -14,6 +14,7 @@ import numpy as np
 from dicedesign.errors import InputError, MeshFileError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import Body, MassProperties, make_body, solid_triangles
+from dicedesign.geometry.meshes.parsing import QUOTED
 from dicedesign.geometry.meshes.scenes import MAX_PLACED
 from dicedesign.geometry.meshes.xml_files import xml_root
 from dicedesign.geometry.triangles import Surface, join_inertia, join_surfaces
@@ -194,7 +195,8 @@ def parse_xml(path: Path) -> Element:
         root = xml_root(data, MAX_TAGS)
     except (SyntaxError, ValueError, LookupError) as error:
         raise MeshFileError(
-            f"{path}: expected XML without document type and entities, but {error}; correct it"
+            f"{path}: expected XML without document type and entities, but "
+            f"{str(error)[: 3 * QUOTED]}; correct it"
         ) from error
     if (most := max(len(element.attrib) for element in root.iter())) > MAX_ATTRIBUTES:
         raise MeshFileError(
