@@ -55,8 +55,8 @@ def _parse_label(value: object) -> object:
     text = str(value) if is_number else value
     if isinstance(text, str) and not 1 <= len(text) <= MAX_LABEL:
         raise ValueError(
-            f"expected 1 to {MAX_LABEL} characters, as no face can be blank, got {text[: 2 * MAX_LABEL]!r}; "
-            "rewrite it"
+            f"expected 1 to {MAX_LABEL} characters, as no face can be blank, got "
+            f"{text[: 2 * MAX_LABEL]!r}; rewrite it"
         )
     if isinstance(text, str) and "\n" in text:
         raise ValueError(

@@ -170,8 +170,8 @@ def _check_label(where: str, label: str, labels: Sequence[str]) -> None:
     if label not in labels:
         examples = ", ".join(labels[:MAX_NAMED]) + ", ..." * (len(labels) > MAX_NAMED)
         raise InputError(
-            f"{where}: expected a label of the die ({examples}), got {label[:QUOTED]!r}; correct it, or "
-            "leave out throws that show no label"
+            f"{where}: expected a label of the die ({examples}), got {label[:QUOTED]!r}; correct "
+            "it, or leave out throws that show no label"
         )
 
 
@@ -198,8 +198,8 @@ def check_lengths(path: Path, columns: list[str], rows: Rows) -> None:
     for line, row in rows:
         if len(row) != len(columns):
             raise InputError(
-                f"{path}, line {line}: expected {len(columns)} entries, got {','.join(row)[:QUOTED]!r}; "
-                "write as many as the first line has"
+                f"{path}, line {line}: expected {len(columns)} entries, got "
+                f"{','.join(row)[:QUOTED]!r}; write as many as the first line has"
             )
 
 
