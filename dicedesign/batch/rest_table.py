@@ -21,6 +21,7 @@ from dicedesign.geometry.robots.links import NamedBody
 from dicedesign.geometry.sphere import quaternions
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.checkpoint import AutosavedFile
+from dicedesign.runtime.csv_cells import FORMULA, guard_cell, plain_cell
 from dicedesign.runtime.files import json_text, read_file
 
 ColumnType = Literal["text", "whole", "real"]
@@ -191,12 +192,25 @@ def csv_line(fields: Iterable[object]) -> str:
     """Fields as a line of CSV with its line feed.
 
     Unlike Python's writer, it quotes a carriage return too, which would end the row for its reader.
-    Bytes that are not UTF-8 are written as escapes, such as `\\udcff`.
+    Bytes that are not UTF-8 are written as escapes, such as `\\udcff`, and formulas as texts.
     """
-    texts = [str(field).encode("utf-8", "backslashreplace").decode() for field in fields]
+    cells = map(guard_cell, fields)
+    texts = [str(field).encode("utf-8", "backslashreplace").decode() for field in cells]
     quoted = ['"' + t.replace('"', '""') + '"' if _SPECIAL.search(t) else t for t in texts]
     return ",".join(quoted) + "\n"
 
+
+MAX_TABLE_BYTES = 1 << 30
+"""Limit of the file of a table: 1 GiB."""
+
+MAX_ROWS = 10_000_000
+"""Limit of the rows of a Parquet file, in which a byte can stand for many."""
+
+ROWS_AT_ONCE = 1000
+"""Rows of a Parquet file that are unpacked at once."""
+
+MAX_CELL_BYTES = 131_072
+"""Limit of a text in a Parquet file, as Python's reader has it for CSV."""
 
 _SPECIAL = re.compile('[,"\r\n]')
 
@@ -267,11 +281,11 @@ def _csv_rows(data: bytes) -> Iterator[list[str]]:
     for row in rows:
         if len(row) != len(COLUMNS):
             raise ValueError(f"line {rows.line_num} has {len(row)} columns of {len(COLUMNS)}")
-        yield row
+        yield list(map(plain_cell, row))
 
 
 def _parquet_bytes(text: str) -> bytes:
-    from pyarrow import BufferOutputStream, BufferReader, parquet, schema
+    from pyarrow import BufferOutputStream, BufferReader, compute, parquet, schema
     from pyarrow import csv as arrow_csv
 
     table = arrow_csv.read_csv(
@@ -284,6 +298,11 @@ def _parquet_bytes(text: str) -> bytes:
             strings_can_be_null=False,
         ),
     )
+    for column, (name, kind) in enumerate(COLUMNS.items()):
+        if kind == "text":
+            guarded = f"^'({FORMULA.pattern})"
+            texts = compute.replace_substring_regex(table[name], guarded, r"\1", max_replacements=1)
+            table = table.set_column(column, name, texts)
     sink = BufferOutputStream()
     parquet.write_table(table, sink, compression="zstd")
     data: bytes = sink.getvalue().to_pybytes()
@@ -291,21 +310,30 @@ def _parquet_bytes(text: str) -> bytes:
 
 
 def _parquet_rows(data: bytes) -> Iterator[list[str]]:
-    from pyarrow import ArrowException, BufferReader, parquet
+    from pyarrow import ArrowException, BufferReader, compute, parquet
 
     try:
-        table = parquet.read_table(BufferReader(data))
+        file = parquet.ParquetFile(BufferReader(data))
+        columns_of_file = [(field.name, str(field.type)) for field in file.schema_arrow]
+        if columns_of_file != [(name, _ARROW[kind]) for name, kind in COLUMNS.items()]:
+            raise ValueError("its columns are others")
+        if file.metadata.num_rows > MAX_ROWS:
+            raise ValueError(f"it has {file.metadata.num_rows} rows, more than {MAX_ROWS}")
+        # Texts that a file holds once and repeats stay so here.
+        texts = [name for name, kind in COLUMNS.items() if kind == "text"]
+        file = parquet.ParquetFile(BufferReader(data), read_dictionary=texts)
+        for batch in file.iter_batches(ROWS_AT_ONCE):
+            for name in texts:
+                lengths = compute.binary_length(batch[name].dictionary)
+                if (compute.max(lengths).as_py() or 0) > MAX_CELL_BYTES:
+                    raise ValueError(f"it has texts of more than {MAX_CELL_BYTES} bytes")
+            columns = [
+                ["" if value is None else str(value) for value in column.to_pylist()]
+                for column in batch.columns
+            ]
+            yield from map(list, zip(*columns, strict=True))
     except (ArrowException, OSError) as error:
         raise ValueError(f"it is no Parquet file that can be read: {error}") from error
-    columns_of_file = [(field.name, str(field.type)) for field in table.schema]
-    if columns_of_file != [(name, _ARROW[kind]) for name, kind in COLUMNS.items()]:
-        raise ValueError("its columns are others")
-    for batch in table.to_batches():
-        columns = [
-            ["" if value is None else str(value) for value in column.to_pylist()]
-            for column in batch.columns
-        ]
-        yield from map(list, zip(*columns, strict=True))
 
 
 def _json_bytes(text: str) -> bytes:
@@ -321,7 +349,10 @@ def _json_bytes(text: str) -> bytes:
 
 
 def _json_rows(data: bytes) -> Iterator[list[str]]:
-    rows = json.loads(data)
+    try:
+        rows = json.loads(data)
+    except RecursionError as error:
+        raise ValueError("its values are too deep within each other") from error
     if not isinstance(rows, list):
         raise ValueError("it is no list of rows")
     for row in rows:
@@ -365,7 +396,7 @@ class RestTable:
         decode = table_format(path).decode
         if not os.path.lexists(path):
             return {}
-        data = read_file(path, "a table of an earlier run")
+        data = read_file(path, "a table of an earlier run", most=MAX_TABLE_BYTES)
         try:
             return entries_of(decode(data))
         except Exception as error:

@@ -29,6 +29,7 @@ from dicedesign.errors import DiceError, InputError, named, printable
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.robots.bodies import ROBOT_ENDINGS, list_bodies
 from dicedesign.geometry.robots.links import NamedBody
+from dicedesign.runtime.csv_cells import plain_cell
 from dicedesign.runtime.files import atomic_write, read_text
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def _read_masses(path: Path) -> dict[str, GivenMass]:
         if "file" not in (names := rows.fieldnames or []) or not set(names) <= set(columns):
             raise ValueError(f"the columns {','.join(map(str, names))}")
         for row in rows:
-            file, *texts = ((row.get(name) or "").strip() for name in columns)
+            file, *texts = (plain_cell((row.get(name) or "").strip()) for name in columns)
             x, y, z, density = (float(text) if text else None for text in texts)
             known = [number for number in (x, y, z, density) if number is not None]
             place = None if x is None or y is None or z is None else (x, y, z)

@@ -35,20 +35,23 @@ class PolylinePen:
     """Pen for fontTools and HarfBuzz that collects contours, with curves as polylines.
 
     tolerance: largest distance between a curve and its polyline, above 0, in the unit of the
-    points.
+    points. `corners`: number of points so far.
     """
 
     def __init__(self, tolerance: float) -> None:
         self.tolerance = tolerance
+        self.corners = 0
         self._contours: list[list[_Point]] = []
 
     def moveTo(self, point: _Point) -> None:
         """Begin a contour."""
         self._contours.append([point])
+        self.corners += 1
 
     def lineTo(self, point: _Point) -> None:
         """Draw a line to a point."""
         self._contours[-1].append(point)
+        self.corners += 1
 
     def curveTo(self, *points: _Point) -> None:
         """Draw a Bezier curve: control points, then its end."""
@@ -63,6 +66,7 @@ class PolylinePen:
         while len(curve) > 1:  # de Casteljau
             curve = (1.0 - t) * curve[:-1] + t * curve[1:]
         self._contours[-1] += map(tuple, [*curve[0].tolist(), corners[-1].tolist()])
+        self.corners += pieces
 
     qCurveTo = curveTo
 

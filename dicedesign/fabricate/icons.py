@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -34,6 +34,13 @@ time grows with its square."""
 
 MOST_CHARACTERS = 2000
 """Largest length of an attribute, or of a number in a path: searches in more take minutes."""
+
+MOST_PARTS = 8 * CORNERS[0]
+"""Largest count of drawn elements and of commands and numbers in their paths, those of repeated
+elements each time: an arc has eight for a corner."""
+
+MOST_ATTRIBUTES = 100
+"""Largest number of attributes of an element; the time to copy it grows with the square."""
 
 MOST_COORDINATE = 1e6
 
@@ -75,7 +82,11 @@ NEUTRAL = {
 
 INHERITED = re.compile(r"fill(-.+)?|stroke(-.+)?")
 
-TRANSFORM = re.compile(r"(\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\([^()]*\)\s*,?)*\s*")
+TRANSFORM = re.compile(r"\s*((matrix|translate|scale|rotate|skewX|skewY)\s*\([^()]*\)(\s*,)?\s*)*")
+"""One transform after the other. No text matches in two ways, which would take exponential time."""
+
+PATH_PART = re.compile(r"\d+\.?\d*|\.\d+|[a-df-zA-DF-Z]")
+"""A command or a number of a path; of an exponent a second number."""
 
 Outline: TypeAlias = tuple[Any, bool, bool]
 """Path of Skia, whether it has the even-odd fill rule, and whether it is dark."""
@@ -102,8 +113,7 @@ def icon_section(path: str, label: str) -> CrossSection:
         with named(path):
             root = _root(data)
             _require_plain(root)
-            by_id = {f"#{element.get('id')}": element for element in root.iter()}
-            outlines = list(islice(_outlines(root, by_id), MOST_SHAPES + 1))
+            outlines = list(islice(_Picture(root).outlines(root), MOST_SHAPES + 1))
             _limit(len(outlines), MOST_SHAPES, "shapes", "join some")
             return _section(outlines)
 
@@ -138,13 +148,14 @@ def _root(data: bytes) -> Any:
 
 
 def _require_plain(root: Any) -> None:
-    """Raise InputError for scripts, style sheets or very long attributes."""
+    """Raise InputError for scripts, style sheets or very long or very many attributes."""
     from lxml import etree
 
     for element in root.iter(etree.Element):
         name = element.tag.rpartition("}")[2]
         if name in ("script", "style"):
             _refuse("no scripts and no style sheets", f"<{name}>", "save it as plain SVG")
+        _limit(len(element.attrib), MOST_ATTRIBUTES, f"attributes of <{name}>", "remove some")
         for key, value in element.items():
             if key.lower().startswith("on"):
                 _refuse("no scripts", f"{key}= in <{name}>", "remove it")
@@ -164,59 +175,68 @@ def _readable(name: str) -> Iterator[None]:
         _refuse(f"a <{name}> that can be read", repr(error)[:100], "correct it or export it again")
 
 
-def _outlines(
-    element: Any, by_id: Mapping[str, Any], outer: Any = None, depth: int = 0, **style: str
-) -> Iterator[Outline]:
-    """Yield filled shapes and strokes of an element and its children, in the order of drawing, in
-    the coordinates of the picture.
+class _Picture:
+    """Elements of an SVG file by references, and the count of those drawn, see `MOST_PARTS`."""
 
-    by_id: elements by references; outer: transform of the parents; style: inherited properties.
-    """
-    from lxml import etree
-    from picosvg.svg import from_element
-    from picosvg.svg_meta import parse_css_declarations
-    from picosvg.svg_transform import Affine2D
+    def __init__(self, root: Any) -> None:
+        self.by_id = {f"#{element.get('id')}": element for element in root.iter()}
+        self.parts = 0
 
-    if not isinstance(element.tag, str):
-        _refuse("elements", "an entity or an instruction", "save it as plain SVG")
-    name = element.tag.removeprefix(SPACE)
-    if name.startswith("{") or name in SILENT:
-        return
-    _limit(depth, MOST_DEPTH, "groups within each other", "ungroup")
-    own: dict[str, str] = dict(element.items())
-    with _readable(name):
-        parse_css_declarations(own.pop("style", "").replace("!important", ""), own)
-        own = {key: value.strip() for key, value in own.items() if value.strip() != "inherit"}
-        for key, neutral in NEUTRAL.items():
-            if own.get(key, neutral) != neutral:
-                _refuse("plain shapes", f"{key} in <{name}>", "apply it or remove it")
-        if own.get("display") == "none" or not float(own.get("opacity", 1.0)) > 0.0:
+    def outlines(
+        self, element: Any, outer: Any = None, depth: int = 0, **style: str
+    ) -> Iterator[Outline]:
+        """Yield filled shapes and strokes of an element and its children, in the order of drawing,
+        in the coordinates of the picture.
+
+        outer: transform of the parents; style: inherited properties.
+        """
+        from lxml import etree
+        from picosvg.svg import from_element
+        from picosvg.svg_meta import parse_css_declarations
+        from picosvg.svg_transform import Affine2D
+
+        if not isinstance(element.tag, str):
+            _refuse("elements", "an entity or an instruction", "save it as plain SVG")
+        name = element.tag.removeprefix(SPACE)
+        if name.startswith("{") or name in SILENT:
             return
-        if not TRANSFORM.fullmatch(own.get("transform", "")):
-            raise ValueError(own["transform"])
-        matrix = Affine2D.fromstring(own.get("transform", ""))
-        if name == "use":
-            moved = Affine2D.identity().translate(float(own.get("x", 0)), float(own.get("y", 0)))
-            matrix = Affine2D.compose_ltr((moved, matrix))
-        if outer is not None:
-            matrix = Affine2D.compose_ltr((matrix, outer))
-        if not max(map(abs, matrix)) < MOST_COORDINATE:
-            _refuse(*TOO_LARGE)
-        style |= {key: value for key, value in own.items() if INHERITED.fullmatch(key)}
-        if name in SHAPES:
-            yield from _shape_outlines(
-                from_element(etree.Element(element.tag, own), **style), matrix
+        _limit(depth, MOST_DEPTH, "groups within each other", "ungroup")
+        own: dict[str, str] = dict(element.items())
+        self.parts += 1 + sum(len(PATH_PART.findall(own.get(key, ""))) for key in ("d", "points"))
+        _limit(self.parts, MOST_PARTS, "elements, commands and numbers", "simplify the paths")
+        with _readable(name):
+            parse_css_declarations(own.pop("style", "").replace("!important", ""), own)
+            own = {key: value.strip() for key, value in own.items() if value.strip() != "inherit"}
+            for key, neutral in NEUTRAL.items():
+                if own.get(key, neutral) != neutral:
+                    _refuse("plain shapes", f"{key} in <{name}>", "apply it or remove it")
+            if own.get("display") == "none" or not float(own.get("opacity", 1.0)) > 0.0:
+                return
+            if not TRANSFORM.fullmatch(own.get("transform", "")):
+                raise ValueError(own["transform"])
+            matrix = Affine2D.fromstring(own.get("transform", ""))
+            if name == "use":
+                place = float(own.get("x", 0)), float(own.get("y", 0))
+                matrix = Affine2D.compose_ltr((Affine2D.identity().translate(*place), matrix))
+            if outer is not None:
+                matrix = Affine2D.compose_ltr((matrix, outer))
+            if not max(map(abs, matrix)) < MOST_COORDINATE:
+                _refuse(*TOO_LARGE)
+            style |= {key: value for key, value in own.items() if INHERITED.fullmatch(key)}
+            if name in SHAPES:
+                yield from _shape_outlines(
+                    from_element(etree.Element(element.tag, own), **style), matrix
+                )
+                return
+            children = [self.by_id[own.get(LINK) or own["href"]]] if name == "use" else element
+        if name not in ("g", "use") and depth > 0:
+            _refuse(
+                "paths and shapes only",
+                f"<{name}>",
+                "convert everything to paths and save it as plain SVG",
             )
-            return
-        children = [by_id[own.get(LINK) or own["href"]]] if name == "use" else element
-    if name not in ("g", "use") and depth > 0:
-        _refuse(
-            "paths and shapes only",
-            f"<{name}>",
-            "convert everything to paths and save it as plain SVG",
-        )
-    for child in children:
-        yield from _outlines(child, by_id, matrix, depth + 1, **style)
+        for child in children:
+            yield from self.outlines(child, matrix, depth + 1, **style)
 
 
 def _shape_outlines(shape: Any, matrix: Any) -> Iterator[Outline]:
@@ -259,7 +279,7 @@ def _section(outlines: Sequence[Outline]) -> CrossSection:
     height = max((box[3] for box in dark), default=0) - min((box[1] for box in dark), default=0)
     if not height > 0.0:
         _refuse(*NO_AREA)
-    shapes = []
+    shapes, corners = [], 0
     for path, _, _ in outlines:
         pen = PolylinePen(CHORD_TOLERANCE * height)
         draw: dict[Any, Callable[..., None]] = {
@@ -271,8 +291,9 @@ def _section(outlines: Sequence[Outline]) -> CrossSection:
         }
         for verb, points in path:
             draw[verb](*points)
+            _limit(corners + pen.corners, *CORNERS)
+        corners += pen.corners
         shapes.append([contour * (1.0, -1.0) for contour in pen.contours()])
-        _limit(sum(len(contour) for shape in shapes for contour in shape), *CORNERS)
     section = CrossSection()
     for contours, (_, is_even_odd, is_dark) in zip(shapes, outlines, strict=True):
         area = CrossSection(contours, FillRule.EvenOdd if is_even_odd else FillRule.NonZero)

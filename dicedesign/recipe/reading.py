@@ -31,7 +31,13 @@ MAX_DEPTH = 30
 MAX_ENTRIES = 10_000
 """Entries in a recipe."""
 
-VALUE_ERRORS = (TypeError, ValueError, LookupError, AttributeError, RecursionError)
+MAX_CHARACTERS = 1 << 20
+"""Characters of a recipe, or of one of its entries on the command line."""
+
+MAX_SCALAR = 10_000
+"""Characters of one text or number in YAML."""
+
+VALUE_ERRORS = (TypeError, ValueError, LookupError, AttributeError, RecursionError, OverflowError)
 """Errors of PyYAML, besides its own, for values that do not match their tag, such as 2024-13-45 or
 !!int x, and for infinite nesting."""
 
@@ -130,6 +136,8 @@ def parse_recipe(data: Mapping[str, Any]) -> Recipe:
         raise RecipeError(_explain(error)) from error
 
 
+LENGTH = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*([a-z]*)")
+
 UNITS_MM = {"": 1.0, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 """Units of lengths, in mm."""
 
@@ -143,11 +151,11 @@ def _read_lengths(entries: Any, key: str = "") -> Any:
         }
     if not isinstance(entries, str) or not key.endswith("_mm"):
         return entries
-    length = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*([a-z]*)\s*", entries.lower())
+    length = LENGTH.fullmatch(entries.lower().strip())
     if length is None or length[2] not in UNITS_MM:
         raise RecipeError(
             f"{key}: expected a length in mm such as 30, or with a unit such as 30mm, 3cm or "
-            f"1.2in, got {entries!r}; write it so"
+            f"1.2in, got {reprlib.repr(entries)}; write it so"
         )
     # Rounded, as 1.1 inches times 25.4 is not 27.94.
     return float(f"{float(length[1]) * UNITS_MM[length[2]]:.12g}")
@@ -159,7 +167,37 @@ def recipe_text(recipe: Recipe) -> str:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML loader that reads `1e-3` as a number and refuses repeated keys."""
+    """YAML loader that reads `1e-3` as a number and refuses repeated keys, and too many, too deep
+    or too long entries while it reads them."""
+
+    depth, nodes = 0, 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self.depth, self.nodes = self.depth + 1, self.nodes + 1
+        if self.depth > MAX_DEPTH + 1 or self.nodes > 2 * MAX_ENTRIES:
+            raise RecipeError(
+                f"expected at most {MAX_ENTRIES} entries, {MAX_DEPTH} within each other, got more; "
+                "write them as in docs/recipes.md"
+            )
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def compose_scalar_node(self, anchor: Any) -> Any:
+        node = super().compose_scalar_node(anchor)
+        if len(node.value) > MAX_SCALAR:
+            raise RecipeError(
+                f"expected texts of at most {MAX_SCALAR} characters, got {len(node.value)}; "
+                "shorten it"
+            )
+        return node
+
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        super().flatten_mapping(node)
+        if len(node.value) > MAX_ENTRIES:
+            raise RecipeError(
+                f"expected at most {MAX_ENTRIES} entries, got more once merged; leave some out"
+            )
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = set()
@@ -173,7 +211,7 @@ class _Loader(yaml.SafeLoader):
 
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    re.compile(r"^[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$"),
     list("-+0123456789."),
 )
 
@@ -202,8 +240,15 @@ YAML_FAULTS = (
 
 def parse_yaml(content: str, where: str) -> object:
     """Parse YAML. Raises RecipeError that begins with `where`."""
+    if len(content) > MAX_CHARACTERS:
+        raise RecipeError(
+            f"{where}: expected at most {MAX_CHARACTERS} characters, got {len(content)}; leave "
+            "some out"
+        )
     try:
         return yaml.load(content, Loader=_Loader)
+    except RecipeError as error:
+        raise RecipeError(f"{where}: {error}") from error
     except (yaml.YAMLError, *VALUE_ERRORS) as error:
         raise RecipeError(f"{where}: {_explain_yaml(error, content.splitlines())}") from error
 
@@ -338,7 +383,7 @@ def parse_target(text: str, labels: str | None = None) -> dict[str, Any]:
         if not isinstance(entries, dict):
             raise RecipeError(
                 "target: expected dice, weights, probabilities, or a key and a value, got "
-                f"{text!r}; write 2d6, 1:2:3, 1/2,1/3,1/6, or fair: 7"
+                f"{reprlib.repr(text)}; write 2d6, 1:2:3, 1/2,1/3,1/6, or fair: 7"
             )
     if labels is not None:
         entries["labels"] = split_texts("labels", labels)
@@ -352,7 +397,8 @@ def split_texts(key: str, text: str) -> list[str]:
         rows = list(csv.reader([text], skipinitialspace=True))
     except csv.Error as error:
         raise RecipeError(
-            f"{key}: expected texts with commas between them in one line, got {text!r}; correct it"
+            f"{key}: expected texts with commas between them in one line, got "
+            f"{reprlib.repr(text)}; correct it"
         ) from error
     return [part.strip() for row in rows for part in row]
 

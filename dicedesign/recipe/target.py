@@ -55,8 +55,8 @@ def _parse_label(value: object) -> object:
     text = str(value) if is_number else value
     if isinstance(text, str) and not 1 <= len(text) <= MAX_LABEL:
         raise ValueError(
-            f"expected 1 to {MAX_LABEL} characters, as no face can be blank, got {text!r}; "
-            "rewrite it"
+            f"expected 1 to {MAX_LABEL} characters, as no face can be blank, got "
+            f"{text[: 2 * MAX_LABEL]!r}; rewrite it"
         )
     if isinstance(text, str) and "\n" in text:
         raise ValueError(
@@ -82,14 +82,24 @@ WEIGHTS = re.compile(r"\s*[\d.]+(\s*:\s*[\d.]+)+\s*")
 MOST_ROLLED = 20
 """Largest number of dice of which some are kept."""
 
+MOST_DICE = 1000
+"""Largest number of dice."""
+
+MOST_CHARACTERS = 10_000
+"""Largest length of a text for a target."""
+
 
 def read_shorthand(text: str) -> dict[str, Any] | None:
     """Entries of `target` for dice such as "d7", "2d6 + d4 - 1", "4d6kh3" (the highest three),
     "d%" or "4dF", for weights such as "1:2:3", and for probabilities such as "1/2, 30%, 0.2"; None
     for any other text.
 
-    Raises InputError for dice that cannot be kept, and too many outcomes.
+    Raises InputError for dice that cannot be kept, too many outcomes, and a text that is too long.
     """
+    if len(text) > MOST_CHARACTERS:
+        raise InputError(
+            f"expected at most {MOST_CHARACTERS} characters, got {len(text)}; write less"
+        )
     if "," in text and ":" not in text:
         return {"probabilities": [part.strip() for part in text.split(",")]}
     if WEIGHTS.fullmatch(text):
@@ -112,6 +122,8 @@ def read_shorthand(text: str) -> dict[str, Any] | None:
         special: dict[str, Sequence[int]] = {"F": range(-1, 2), "%": range(0, 100, 10)}
         values = special.get(kind) or range(1, int(kind) + 1)
         if end is None:
+            if len(rolls) + number > MOST_DICE:
+                raise InputError(f"expected at most {MOST_DICE} dice, got more; take fewer")
             rolls += [(sign, values, 1, 1)] * number
             kinds.add(kind if kind in "F%" else "plain" if sign > 0 else "less")
             continue

@@ -6,6 +6,7 @@ body's frame, on the Gauss sphere.
 
 from __future__ import annotations
 
+import reprlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -101,14 +102,16 @@ def read_prior(text: str) -> Prior:
     name, _, rest = text.partition(":")
     forms = " or ".join(kind.form for kind in PRIORS)
     if name not in PRIORS:
-        raise InputError(f"prior: expected {forms}, got {text!r}; write one of them")
+        raise InputError(f"prior: expected {forms}, got {reprlib.repr(text)}; write one of them")
     kind = PRIORS[name]
     try:
         return kind.read(rest)
     except InputError:
         raise
     except ValueError as error:
-        raise InputError(f"prior: expected {kind.form}, got {text!r}; correct it") from error
+        raise InputError(
+            f"prior: expected {kind.form}, got {reprlib.repr(text)}; correct it"
+        ) from error
 
 
 def prior_of(given: Prior | str) -> Prior:

@@ -30,6 +30,7 @@ from dicedesign.results.parts import (
 )
 from dicedesign.results.print_parts import Printability
 from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.csv_cells import guard_cell
 from dicedesign.runtime.files import json_text, plain
 from dicedesign.runtime.outputs import file_checksum
 
@@ -413,10 +414,11 @@ class Result:
         columns = ("step", "seconds", "stage", "attempt", "energy", "max_abs_error")
         text = StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow([*columns, *names])
+        writer.writerow([*columns, *map(guard_cell, names)])
         for step in self.history:
             terms = (step.terms.get(name) for name in names)
-            writer.writerow([*(getattr(step, name) for name in columns), *terms])
+            known = (guard_cell(getattr(step, name)) for name in columns)
+            writer.writerow([*known, *terms])
         return text.getvalue()
 
     def without_clock(self) -> Result:

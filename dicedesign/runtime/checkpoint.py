@@ -6,6 +6,7 @@ import io
 import json
 import os
 import time
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
@@ -132,9 +133,13 @@ def read_checkpoint(
             f"{path}: expected the checkpoint of a run that was interrupted, got none; run without "
             "--resume to start again"
         )
-    data = io.BytesIO(read_file(path, "a checkpoint"))
+    data = read_file(path, "a checkpoint")
     try:
-        with np.load(data, allow_pickle=False) as file:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            # NumPy does not compress them.
+            if sum(member.file_size for member in archive.infolist()) > len(data):
+                raise ValueError("more content than bytes")
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
             about = json.loads(str(file[_ABOUT]))
             theirs = dict(about.pop(_WORK))
             stored_work = {kind: theirs.get(kind) for kind in work}

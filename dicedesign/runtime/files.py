@@ -55,7 +55,9 @@ def read_file(
         with open(handle, "rb") as file:
             status = os.fstat(handle)
             is_regular = stat.S_ISREG(status.st_mode)
-            data = file.read() if is_regular and status.st_size <= most else b""
+            # A file that grows meanwhile must not fill the memory.
+            size = status.st_size if is_regular and status.st_size <= most else 0
+            data = file.read(size) or b""
     except FileNotFoundError as fault:
         raise error(f"{path}: no such file; check the path") from fault
     except IsADirectoryError as fault:

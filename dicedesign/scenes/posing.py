@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import warnings
 import zlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
-from dicedesign.errors import DiceError, InputError
+from dicedesign.errors import DiceError, InputError, MeshFileError
 from dicedesign.fabricate.file_formats import (
     FILE_FORMATS,
     Contents,
@@ -27,7 +28,7 @@ from dicedesign.geometry.meshes.reading import MESH_ENDINGS, quiet_trimesh, read
 from dicedesign.palette import BLANK
 from dicedesign.rest.poses import RestPoses, rest_poses
 from dicedesign.runtime.arrays import Floats
-from dicedesign.runtime.files import atomic_write
+from dicedesign.runtime.files import atomic_write, read_file
 from dicedesign.runtime.workers import run_in_batches
 
 if TYPE_CHECKING:
@@ -127,9 +128,13 @@ def load_scene(path: Path, body: Body) -> trimesh.Scene:
         import trimesh
 
         ending = path.suffix.lower()
-        data = path.read_bytes()
+        data = read_file(path, "a mesh", error=MeshFileError)
         if ending not in SHAPE_ENDINGS or (ending == ".obj" and b"mtllib" in data):
             with contextlib.suppress(Exception):  # trimesh raises errors of any kind
+                from PIL import Image
+
+                # A texture beyond Pillow's limit is left out.
+                warnings.simplefilter("error", Image.DecompressionBombWarning)
                 resolver: Any = _Beside(path)
                 loaded_scene: Any = trimesh.load(
                     io.BytesIO(data),

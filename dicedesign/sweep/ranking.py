@@ -18,6 +18,7 @@ from dicedesign.palette import BLANK, INK
 from dicedesign.report.pages import sweep_page
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Booleans, Floats
+from dicedesign.runtime.csv_cells import guard_cell
 from dicedesign.runtime.files import json_text
 from dicedesign.runtime.outputs import checksum, replace_files
 from dicedesign.sweep.dice import Combination, made_die
@@ -163,5 +164,5 @@ def _csv_text(columns: Sequence[str], rows: Sequence[Row]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({key: guard_cell(value) for key, value in row.items()} for row in rows)
     return text.getvalue()

@@ -12,6 +12,7 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.runtime.arrays import Integers
+from dicedesign.runtime.csv_cells import guard_cell, plain_cell
 from dicedesign.runtime.files import atomic_write, read_text
 
 MAX_COUNT = 10**9
@@ -135,7 +136,7 @@ class RollLog:
 
     def _save(self) -> None:
         text = io.StringIO()
-        lines = [ONE_BY_ONE, *([label] for label in self.throws)]
+        lines = [ONE_BY_ONE, *([guard_cell(label)] for label in self.throws)]
         csv.writer(text, lineterminator="\n").writerows(lines)
         atomic_write(self.path, text.getvalue().encode())
 
@@ -156,7 +157,7 @@ def _rows_of_one_die(path: Path, labels: Sequence[str], headers: Sequence[list[s
             else "write the label of each throw on a line, or name a new file"
         )
         raise InputError(
-            f"{path}: expected a first line {either}, got {','.join(columns)!r}; {counted}"
+            f"{path}: expected a first line {either}, got {','.join(columns)[:QUOTED]!r}; {counted}"
         )
     check_lengths(path, columns, rows)
     for line, row in rows:
@@ -169,8 +170,8 @@ def _check_label(where: str, label: str, labels: Sequence[str]) -> None:
     if label not in labels:
         examples = ", ".join(labels[:MAX_NAMED]) + ", ..." * (len(labels) > MAX_NAMED)
         raise InputError(
-            f"{where}: expected a label of the die ({examples}), got {label!r}; correct it, or "
-            "leave out throws that show no label"
+            f"{where}: expected a label of the die ({examples}), got {label[:QUOTED]!r}; correct "
+            "it, or leave out throws that show no label"
         )
 
 
@@ -183,7 +184,7 @@ def csv_rows(path: Path) -> tuple[list[str], Rows]:
     text = read_text(path, "a CSV file of throws")
     try:
         reader = csv.reader(io.StringIO(text, newline=""))
-        rows = [(reader.line_num, [entry.strip() for entry in row]) for row in reader]
+        rows = [(reader.line_num, [plain_cell(entry.strip()) for entry in row]) for row in reader]
     except csv.Error as error:
         raise InputError(
             f"{path}: expected a CSV file of throws, but {error}; correct it"
@@ -197,8 +198,8 @@ def check_lengths(path: Path, columns: list[str], rows: Rows) -> None:
     for line, row in rows:
         if len(row) != len(columns):
             raise InputError(
-                f"{path}, line {line}: expected {len(columns)} entries, got {','.join(row)!r}; "
-                "write as many as the first line has"
+                f"{path}, line {line}: expected {len(columns)} entries, got "
+                f"{','.join(row)[:QUOTED]!r}; write as many as the first line has"
             )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import resources
@@ -335,7 +336,11 @@ def _entries_of_file(name: str) -> dict[str, Any]:
     known = {field.name for field in fields(Table)}
     needed = known - {"size", "drag", "source"}
     if not isinstance(entries, dict) or not needed <= set(entries) <= known | _EXTRA_ENTRIES:
-        got = ", ".join(entries) if isinstance(entries, dict) else type(entries).__name__
+        got = (
+            reprlib.repr(", ".join(entries))
+            if isinstance(entries, dict)
+            else type(entries).__name__
+        )
         raise InputError(
             f"table {name}: expected an object with {', '.join(sorted(needed))} and at most size, "
             f"drag, source, mixture and momentum, got {got}; correct it"

@@ -18,7 +18,7 @@ from dicedesign.fabricate.printers import PRINTERS
 from dicedesign.palette import BLANK
 from dicedesign.throws.tables import TABLE_NAMES
 from dicedesign.view.bodies import Bodies
-from dicedesign.view.dice import Shop, Stopped
+from dicedesign.view.dice import CANDIDATES, Shop, Stopped
 from dicedesign.view.server import Gate, make_app
 from dicedesign.view.sources import open_source
 
@@ -88,6 +88,9 @@ def _stream_dice(shop: Shop, query: Mapping[str, Any]) -> Any:
     page closes the request."""
     from starlette.responses import StreamingResponse
 
+    # A wrong request is refused before the response begins.
+    asked = {"text": str(query["text"]), "count": int(query.get("count", CANDIDATES))}
+
     async def lines() -> AsyncIterator[bytes]:
         loop, news = asyncio.get_running_loop(), asyncio.Queue[dict[str, Any] | None]()
         is_stopped = threading.Event()
@@ -103,10 +106,11 @@ def _stream_dice(shop: Shop, query: Mapping[str, Any]) -> Any:
         def run() -> None:
             with suppress(Stopped):
                 try:
-                    shop.find_dice(query, emit, check)
+                    shop.find_dice(asked, emit, check)
                 except Exception as error:
-                    emit({"error": f"unexpected error, {type(error).__name__}: {error}"})
-                    raise
+                    text = f"unexpected error, {type(error).__name__}: {error}"
+                    print(f"dicedesign: {printable(text)}", file=sys.stderr, flush=True)
+                    emit({"error": text})
                 finally:
                     emit(None)
 

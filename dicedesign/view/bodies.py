@@ -30,6 +30,9 @@ from dicedesign.view.viewed_body import ViewedBody, facet_vertices
 
 __all__ = ["Bodies"]
 
+MAX_ENDING = 16
+"""Characters of a file's ending that are kept; known ones are shorter."""
+
 KEPT_BODIES = 24
 """Opened bodies that are kept in memory, each as it was opened."""
 
@@ -93,7 +96,7 @@ class Bodies:
         """Open a mesh of the user's own. query: "name" of the file; content: of the file."""
         name = Path(str(query["name"])).name or "mesh"
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, f"mesh{Path(name).suffix}")
+            path = Path(folder, f"mesh{Path(name).suffix[:MAX_ENDING]}")
             path.write_bytes(content)
             try:
                 body = read_body(path)

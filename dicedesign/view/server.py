@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 import os
 import secrets
 import socket
@@ -40,8 +42,14 @@ STATIC = Path(__file__).parent / "static"
 KEY_BYTES = 9
 """Random bytes of the secret in the address; 12 characters, as they are typed on a phone."""
 
-MAX_BODY_BYTES = 256 * 2**20
-"""Largest body of a request; meshes are sent whole."""
+MAX_UPLOAD_BYTES = 1 << 28
+"""Largest file of a request, 256 MiB; meshes are sent whole."""
+
+MAX_REQUEST_BYTES = 1 << 20
+"""Largest JSON value of a request: 1 MiB."""
+
+IDLE_SECONDS = 30.0
+"""Longest pause while a request is sent."""
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -116,11 +124,8 @@ class _Guard:
             headers = dict[bytes, list[bytes]]()
             for key, value in scope["headers"]:
                 headers.setdefault(key, []).append(value)
-            length = headers.get(b"content-length", [b"0"])[0]
             if not self._gate.admits(headers):
                 app = PlainTextResponse("Open the address that dicedesign printed.\n", 403)
-            elif int(length) > MAX_BODY_BYTES:
-                app = PlainTextResponse("The file is too large.\n", 413)
         elif scope["type"] != "lifespan":
             return
         await app(scope, receive, send_with_headers)
@@ -145,7 +150,9 @@ def make_app(
     """
     from starlette.applications import Starlette
     from starlette.concurrency import run_in_threadpool
+    from starlette.exceptions import HTTPException
     from starlette.middleware import Middleware
+    from starlette.requests import ClientDisconnect
     from starlette.responses import FileResponse, JSONResponse, Response
     from starlette.routing import Mount, Route
     from starlette.staticfiles import StaticFiles
@@ -153,13 +160,16 @@ def make_app(
     def answer(act: Callable[..., Any], is_file: bool) -> Callable[[Request], Any]:
         async def respond(request: Request) -> Response:
             try:
-                values = [dict(request.query_params), await request.body()]
-                if not is_file:
-                    values = [await request.json()]
+                body = await _read_body(request, MAX_UPLOAD_BYTES if is_file else MAX_REQUEST_BYTES)
+                values = [dict(request.query_params), body] if is_file else [json.loads(body)]
                 result = await run_in_threadpool(act, *values)
             except DiceError as error:
                 return JSONResponse({"error": str(error)}, 422)
-            except (KeyError, TypeError, ValueError, IndexError) as error:
+            except ClientDisconnect:
+                return Response(status_code=400)
+            except HTTPException:
+                raise
+            except Exception as error:
                 # Only a program sends such requests; the page never does.
                 text = f"unexpected error, {type(error).__name__}: {error}"
                 print(f"dicedesign: {printable(text)}", file=sys.stderr, flush=True)
@@ -179,6 +189,28 @@ def make_app(
         ],
         middleware=[Middleware(_Guard, gate=gate)],
     )
+
+
+async def _read_body(request: Request, most: int) -> bytes:
+    """Body of a request, counted as it arrives, whatever its headers say. Raises HTTPException: it
+    is too large, or its sender pauses for too long."""
+    from starlette.exceptions import HTTPException
+
+    too_large = HTTPException(413, f"Expected at most {most >> 20} MiB; send less.\n")
+    if int(request.headers.get("content-length", 0)) > most:
+        raise too_large
+    body, chunks = bytearray(), request.stream()
+    while True:
+        try:
+            body += await asyncio.wait_for(anext(chunks), IDLE_SECONDS)
+        except StopAsyncIteration:
+            return bytes(body)
+        except TimeoutError as error:
+            raise HTTPException(
+                408, "Expected the rest of the request; send it again.\n"
+            ) from error
+        if len(body) > most:
+            raise too_large
 
 
 def require_server() -> None:

@@ -18,6 +18,7 @@ from pyarrow import parquet
 from reference.roller import come_to_rest
 from scipy.spatial.transform import Rotation
 
+from dicedesign.batch import rest_table
 from dicedesign.batch.batch import analyze_files, list_folder
 from dicedesign.batch.rest_rows import GivenMass, RestOptions
 from dicedesign.batch.rest_table import (
@@ -279,6 +280,7 @@ HEADER = ",".join(COLUMNS).encode() + b"\n"
         ("t.csv", HEADER + b"x," * (len(COLUMNS) - 1) + b"x\n", "invalid literal"),
         ("t.json", b"[{}]", "its columns are others"),
         ("t.json", b"{}", "it is no list of rows"),
+        ("t.json", 100_000 * b"[", "too deep"),
         ("t.parquet", b"something else\n", "it is no Parquet file that can be read"),
         ("t.parquet", None, "its columns are others"),
     ],
@@ -293,6 +295,38 @@ def test_other_files_are_refused(
         path.write_bytes(content)
     with pytest.raises(InputError, match=f"expected a table of an earlier run .*{message}.*--out"):
         RestTable.read(path)
+
+
+def test_a_file_that_stands_for_too_many_rows_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, entry = tmp_path / "t.parquet", broken_entry("a.stl", Stamp(1, 1), "x" * 5000)
+    with RestTable(path, {"a.stl": entry}):
+        pass
+    assert RestTable.read(path) == {"a.stl": entry}
+    for limit, value in (("MAX_ROWS", 0), ("MAX_CELL_BYTES", 4999)):
+        with monkeypatch.context() as patched:
+            patched.setattr(rest_table, limit, value)
+            with pytest.raises(InputError, match="more than"):
+                RestTable.read(path)
+
+
+@pytest.mark.parametrize("ending", ["csv", "json", "parquet"])
+def test_texts_are_no_formulas_of_a_spreadsheet(tmp_path: Path, ending: str) -> None:
+    path, stamp = tmp_path / f"t.{ending}", Stamp(1, 1, com="-1.0,0.0,0.0")
+    names = ["=1+1.stl", "+a.stl", "-b.stl", "@c.stl", "\t=d.stl", "'=e.stl", "'f.stl", "-1"]
+    entries = {name: broken_entry(name, stamp, "=x") for name in names}
+    with RestTable(path, entries):
+        pass
+    assert RestTable.read(path) == entries
+    if ending == "csv":
+        with path.open(newline="") as file:
+            cells = [cell for row in csv.reader(file) for cell in row]
+        assert {cell for cell in cells if cell[:1] in set("=+-@\t\r")} == {"-1"}
+    if ending == "json":
+        assert sorted({row["file"] for row in json.loads(path.read_text())}) == sorted(names)
+    if ending == "parquet":
+        assert sorted(parquet.read_table(path)["file"].to_pylist()) == sorted(names)
 
 
 def test_the_table_is_saved_at_the_start_at_intervals_and_at_the_end(

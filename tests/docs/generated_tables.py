@@ -27,13 +27,20 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import to_jsonable_python
 
+from dicedesign.batch import rest_table
+from dicedesign.fabricate import fonts, icons
 from dicedesign.fabricate.file_formats import FILE_FORMATS
 from dicedesign.fabricate.printers import MATERIALS, PRINTERS, Printer
+from dicedesign.geometry.meshes import gltf, parsing, scenes, three_mf, xml_files
+from dicedesign.geometry.robots import links, mjcf
 from dicedesign.optimize.starts.start import STARTS
+from dicedesign.recipe import reading, target
 from dicedesign.recipe.recipe import Recipe, StartRecipe
 from dicedesign.rest.prior import PRIORS
 from dicedesign.results.parts import Status
+from dicedesign.runtime import files
 from dicedesign.throws.tables import HANDS, least_of, most_of
+from dicedesign.view import server
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -73,6 +80,7 @@ def tables() -> dict[str, Callable[[], str]]:
         "hands": hands_table,
         "limits of printers": limits_table,
         "sources of printers": sources_table,
+        "limits of readers": readers_table,
         **{name: partial(measured_table, table) for name, table in measured().items()},
     }
 
@@ -154,6 +162,94 @@ def sources_table() -> str:
         by_source.setdefault(material.source, []).append(f"`{name}`")
     rows += [(", ".join(names), source) for source, names in by_source.items()]
     return markdown(("of", "source"), rows)
+
+
+def mebibytes(size: int) -> str:
+    """Bytes as MiB."""
+    return f"{size / (1 << 20):,g}"
+
+
+def readers_table() -> str:
+    """Limits of each reader, by its constants."""
+    placed = f"{scenes.MAX_NODES:,} parts; {scenes.MAX_PLACED:,} vertices and triangles"
+    zipped = f", or {xml_files.MAX_RATIO} times the file; {mebibytes(xml_files.SMALL_UNPACKED)} any"
+    rows = [
+        (
+            "STL, OBJ, OFF, PLY, XYZ",
+            f"{mebibytes(files.MAX_DATA_BYTES)}; text {mebibytes(parsing.MAX_TEXT_BYTES)}",
+            "",
+            f"{parsing.MAX_HEADER_BYTES:,} bytes in a header of PLY",
+            "",
+        ),
+        (
+            "glTF, GLB",
+            f"{mebibytes(files.MAX_DATA_BYTES)}; JSON {mebibytes(gltf.MAX_JSON_BYTES)}",
+            mebibytes(files.MAX_DATA_BYTES),
+            placed,
+            "",
+        ),
+        (
+            "COLLADA, AMF",
+            mebibytes(xml_files.MAX_XML_BYTES),
+            mebibytes(xml_files.MAX_XML_BYTES) + zipped,
+            f"{xml_files.MAX_TAGS:,} tags; {placed}",
+            "",
+        ),
+        (
+            "3MF",
+            mebibytes(files.MAX_DATA_BYTES),
+            mebibytes(three_mf.MAX_UNPACKED) + zipped,
+            f"{three_mf.MAX_LISTED:,} parts; {scenes.MAX_PLACED:,} vertices and triangles",
+            f"{three_mf.MAX_DEPTH}",
+        ),
+        (
+            "URDF, MJCF",
+            mebibytes(files.MAX_TEXT_BYTES),
+            "",
+            f"{links.MAX_TAGS:,} tags; {links.MAX_ATTRIBUTES} attributes; {links.MAX_SHAPES:,} "
+            f"shapes of a link; {mjcf.MAX_INCLUDES} included files",
+            "",
+        ),
+        (
+            "icons (SVG), fonts",
+            f"{mebibytes(icons.MOST_BYTES)}; fonts {mebibytes(fonts.MOST_BYTES)}",
+            "",
+            f"{icons.MOST_SHAPES:,} shapes; {icons.CORNERS[0]:,} corners; {icons.MOST_PARTS:,} "
+            f"elements, commands and numbers; {icons.MOST_CHARACTERS:,} characters",
+            f"{icons.MOST_DEPTH}",
+        ),
+        (
+            "recipes (YAML)",
+            mebibytes(reading.MAX_CHARACTERS),
+            "",
+            f"{reading.MAX_ENTRIES:,} entries of {reading.MAX_SCALAR:,} characters; "
+            f"{target.MOST_DICE:,} dice",
+            f"{reading.MAX_DEPTH}",
+        ),
+        (
+            "throws, masses, directions, tables to throw on",
+            mebibytes(files.MAX_TEXT_BYTES),
+            "",
+            "",
+            "",
+        ),
+        (
+            "tables of rests",
+            mebibytes(rest_table.MAX_TABLE_BYTES),
+            "",
+            f"{rest_table.MAX_ROWS:,} rows and {rest_table.MAX_CELL_BYTES:,} bytes in a text of "
+            "Parquet",
+            "",
+        ),
+        (
+            "requests to the page",
+            f"{mebibytes(server.MAX_REQUEST_BYTES)}; meshes {mebibytes(server.MAX_UPLOAD_BYTES)}",
+            "",
+            f"{server.IDLE_SECONDS:g} seconds of pause",
+            "",
+        ),
+    ]
+    return markdown(("what", "file", "unpacked", "most", "depth"), rows)
 
 
 def bench_table() -> str:

@@ -277,6 +277,10 @@ BAD = [
     ("<circle r='5' transform='spin(3)'/>", r"spin\(3\)"),
     # A search for calls in this one would take minutes to hours.
     (f"<circle transform='rotate(0){' ' * 10**6}x'/>", "2000 characters as transform"),
+    (f"<circle r='5' transform='{40 * 'scale(1) '}!'/>", "can be read"),
+    (f"<path d='M0 0{30_000 * 'L1 1L2 0'}z'/>", "at most 80000 elements, commands and numbers"),
+    (f"<circle r='5' {' '.join(f'a{n}=' + 2 * chr(34) for n in range(200))}/>", "100 attributes"),
+    (f"{LAUGHS}<g id='l0'/><circle r='5'/>", "at most 80000 elements"),
     (f"<path d='M0 0A{'0' * 9000} 1 0 0 0 1 1'/>", "2000 characters as d"),
     ("<circle r='5' fill='url(#g)'/>", r"'url\(#g\)'"),
     ("<circle r='5' opacity='some'/>", "'some'"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 from collections.abc import Sequence
@@ -109,6 +110,10 @@ def test_a_damaged_checkpoint_is_refused(path: Path) -> None:
     np.savez_compressed(path, about=np.zeros(4000))
     compressed = path.read_bytes()
     others.append(compressed[:60] + b"\xff" * 10 + compressed[70:])
+    # Zeros that take a thousandth of their size.
+    about = np.array(json.dumps({"work": WORK, "rows": {"whole": [1 << 20]}}))
+    np.savez_compressed(path, about=about, whole=np.zeros(1 << 20))
+    others.append(path.read_bytes())
     for damaged in (b"", b"PK", whole[:100], whole[:-40], *others):
         path.write_bytes(damaged)
         with pytest.raises(InputError, match="got a file that cannot be read as one; remove it"):

@@ -50,6 +50,19 @@ def test_bad_files(tmp_path: Path, text: str | bytes, message: str) -> None:
         read_counts(write_log(tmp_path, text), LABELS)
 
 
+def test_labels_are_no_formulas_of_a_spreadsheet(tmp_path: Path) -> None:
+    path, labels = tmp_path / "new.csv", ["+", "-", "-1", "+1", "=2+3", "'=4", "@x", "'y"]
+    log = RollLog(path, labels)
+    for label in labels:
+        log.add(label)
+    cells = path.read_text().splitlines()[1:]
+    assert {cell for cell in cells if cell[0] in "=+-@"} == {"-1", "+1"}
+    assert RollLog(path, labels).throws == labels
+    # As somebody writes them.
+    path.write_text("label\n+\n=2+3\n-1\n")
+    assert RollLog(path, labels).throws == ["+", "=2+3", "-1"]
+
+
 def test_each_throw_is_saved(tmp_path: Path) -> None:
     path = tmp_path / "new.csv"
     log = RollLog(path, LABELS)

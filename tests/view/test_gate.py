@@ -10,6 +10,7 @@ import pytest
 from common.served import Served, served_page
 
 import dicedesign as dd
+from dicedesign.view import server
 from dicedesign.view.server import open_socket
 
 
@@ -62,6 +63,12 @@ def test_doubled_headers_are_refused(local: Served) -> None:
     [
         ("/target", b"{"),
         ("/target", b"[]"),
+        ("/target", 100_000 * b"["),
+        ("/dice", b"[]"),
+        ("/dice", b'{"text": "d6", "count": 1e999}'),
+        ("/dress", b'{"die": "x", "dress": []}'),
+        ("/body/change", b'{"state": 1e999}'),
+        (f"/body/upload?name=a.{5000 * 'b'}", b"no mesh"),
         ("/target", b"{}"),
         ("/throw", b'{"die": 3, "dress": {}}'),
         ("/throw", b'{"die": "{}", "dress": {}, "count": 1, "seed": 0, "table": null}'),
@@ -85,6 +92,27 @@ def test_long_paths_and_large_files_are_refused(local: Served) -> None:
     assert local.request("GET", f"/{'a' * 8000}").status == 404
     answer = local.request("POST", "/body/upload?name=a.stl", Content_Length=str(2**40))
     assert answer.status == 413
+
+
+@pytest.mark.parametrize(("path", "size"), [("/target", 2 << 20), ("/body/upload?name=a", 5 << 20)])
+def test_uploads_without_a_length_are_counted(
+    local: Served, monkeypatch: pytest.MonkeyPatch, path: str, size: int
+) -> None:
+    monkeypatch.setattr(server, "MAX_UPLOAD_BYTES", 4 << 20)
+    with closing(socket.create_connection(("127.0.0.1", local.gate.port), timeout=30)) as client:
+        headers = f"Host: localhost:{local.gate.port}\r\nTransfer-Encoding: chunked"
+        client.sendall(f"POST {path} HTTP/1.1\r\n{headers}\r\n\r\n{size:x}\r\n".encode())
+        # The answer comes before the chunk ends.
+        client.sendall(bytes(size))
+        assert client.recv(100).startswith(b"HTTP/1.1 413")
+
+
+def test_a_request_that_pauses_is_refused(local: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "IDLE_SECONDS", 0.1)
+    with closing(socket.create_connection(("127.0.0.1", local.gate.port), timeout=30)) as client:
+        headers = f"Host: localhost:{local.gate.port}\r\nContent-Length: 9"
+        client.sendall(f"POST /target HTTP/1.1\r\n{headers}\r\n\r\n{{".encode())
+        assert client.recv(100).startswith(b"HTTP/1.1 408")
 
 
 def test_a_taken_port_is_named() -> None:

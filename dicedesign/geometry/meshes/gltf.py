@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import struct
+from functools import cache
 from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -17,15 +18,14 @@ from numpy.typing import NDArray
 from dicedesign.errors import MeshFileError
 from dicedesign.geometry.meshes.parsing import EXPORT_AGAIN, Geometry
 from dicedesign.geometry.meshes.scenes import (
-    MAX_POINTS,
     Node,
     quaternion_matrix,
     triangles_of,
+    used_part,
     walk,
 )
-from dicedesign.geometry.triangles import surface_of
 from dicedesign.runtime.arrays import Floats, Integers
-from dicedesign.runtime.files import read_file
+from dicedesign.runtime.files import MAX_DATA_BYTES, read_file
 
 COMPRESSED = {
     "KHR_draco_mesh_compression": "Draco",
@@ -44,6 +44,17 @@ GLTF_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5
 """NumPy's types of the component types of glTF."""
 
 GLTF_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+MAX_JSON_BYTES = 1 << 28
+"""Limit of the JSON of a file: 256 MiB."""
+
+MAX_NUMBERS = 1 << 24
+"""Limit of the numbers of all accessors of a file; one for each byte of its buffers is allowed
+too."""
+
+
+MATRIX_WIDTH = 16
+"""Most numbers of an element of an accessor of matrices."""
 
 
 def read_beside(path: Path, uri: str) -> bytes:
@@ -65,7 +76,7 @@ class _Gltf:
     """Document of a glTF file with access to its data."""
 
     def __init__(self, data: bytes, path: Path) -> None:
-        """Raises MeshFileError: it needs an extension that is not read."""
+        """Raises MeshFileError: it is too large, or needs an extension that is not read."""
         self.path = path
         self.chunk: bytes | None = None
         text = data
@@ -82,6 +93,8 @@ class _Gltf:
                 chunks.setdefault(kind, data[at + 8 : at + 8 + size])
                 at += 8 + size
             text, self.chunk = chunks[b"JSON"], chunks.get(b"BIN\0")
+        if len(text) > MAX_JSON_BYTES:
+            raise self.too_large(f"{MAX_JSON_BYTES >> 20} MiB of JSON", len(text) >> 20)
         self.document: dict[str, Any] = json.loads(text)
         if not str(self.document["asset"]["version"]).startswith("2"):
             raise MeshFileError(
@@ -89,7 +102,8 @@ class _Gltf:
                 f"{EXPORT_AGAIN}"
             )
         self.contents: dict[str, bytes] = {}
-        self.known: dict[int, list[tuple[Floats, Integers]]] = {}
+        self.array, self.meshes = cache(self._array), cache(self._meshes)
+        self.primitive = cache(self._primitive)
         for name in self.document.get("extensionsRequired", []):
             if name in COMPRESSED:
                 raise self.compressed(name)
@@ -98,6 +112,17 @@ class _Gltf:
                     f"{path}: expected no extension that is needed to read its shape, got "
                     f"{name[:80]!a}; export it without"
                 )
+        numbers = sum(
+            _index(accessor["count"]) * GLTF_WIDTHS.get(accessor["type"], MATRIX_WIDTH)
+            for accessor in self.document.get("accessors", [])
+        )
+        sizes = [_index(each["byteLength"]) for each in self.document.get("buffers", [])]
+        limit = max(MAX_NUMBERS, sum(sizes))
+        if numbers > limit:
+            raise self.too_large(f"{limit} numbers of its accessors", numbers)
+
+    def too_large(self, most: str, got: int) -> MeshFileError:
+        return MeshFileError(f"{self.path}: expected at most {most}, got {got}; {EXPORT_AGAIN}")
 
     def compressed(self, name: str) -> MeshFileError:
         return MeshFileError(
@@ -123,21 +148,25 @@ class _Gltf:
             else:
                 content = read_beside(self.path, uri)
             self.contents[uri] = content
+            total = sum(map(len, self.contents.values()))
+            if total > MAX_DATA_BYTES:
+                raise self.too_large(f"{MAX_DATA_BYTES >> 20} MiB of buffers", total >> 20)
         else:
             content = self.contents[uri]
         start, length = _index(view.get("byteOffset", 0)), _index(view["byteLength"])
-        if start + length > min(len(content), self.document["buffers"][index]["byteLength"]):
+        size = self.document["buffers"][index]["byteLength"]
+        if size > len(content) or start + length > size:
             raise ValueError
         return memoryview(content)[start : start + length]
 
-    def array(self, number: int) -> NDArray[Any]:
+    def _array(self, number: int) -> NDArray[Any]:
         """(n, k) numbers of an accessor; normalized integers as the fractions that they mean."""
         accessor = self.document["accessors"][_index(number)]
         count, width = _index(accessor["count"]), GLTF_WIDTHS[accessor["type"]]
         kind = np.dtype(GLTF_TYPES[accessor["componentType"]])
         if "bufferView" in accessor:
             values = self._values(accessor, kind, count, width)
-        elif "sparse" in accessor and count <= MAX_POINTS:
+        elif "sparse" in accessor:
             values = np.zeros((count, width), kind)
         else:
             used = COMPRESSED.keys() & set(self.document.get("extensionsUsed", []))
@@ -164,27 +193,23 @@ class _Gltf:
             (count, width), kind, content, _index(source.get("byteOffset", 0)), strides
         )
 
-    def meshes(self, number: int) -> list[tuple[Floats, Integers]]:
+    def _meshes(self, number: int) -> list[tuple[Floats, Integers]]:
         """Points and triangles of each primitive of a mesh that has any."""
-        if number in self.known:
-            return self.known[number]
         meshes = []
         for primitive in self.document["meshes"][_index(number)]["primitives"]:
             mode, accessor = primitive.get("mode", 4), primitive["attributes"].get("POSITION")
-            if accessor is None or mode not in (0, 4, 5, 6):
-                continue
-            points = self.array(accessor).astype(np.float64).reshape(-1, 3)
-            order = np.arange(len(points))
-            if "indices" in primitive:
-                order = self.array(primitive["indices"])[:, 0].astype(np.int64)
-            triangles = triangles_of(order, mode)
-            # Many primitives may share one array of points.
-            if 0 < triangles.size < len(points):
-                part = surface_of(points, triangles)
-                points, triangles = part.points, part.triangles
-            meshes.append((points, triangles))
-        self.known[number] = meshes
+            if accessor is not None and mode in (0, 4, 5, 6):
+                meshes.append(self.primitive(accessor, primitive.get("indices"), mode))
         return meshes
+
+    def _primitive(self, accessor: int, indices: int | None, mode: int) -> tuple[Floats, Integers]:
+        points = self.array(accessor).reshape(-1, 3)
+        if indices is None:
+            order = np.arange(len(points))
+        else:
+            order = self.array(indices)[:, 0].astype(np.int64)
+        points, triangles = used_part(points, triangles_of(order, mode))
+        return points.astype(np.float64), triangles
 
     def node(self, number: int) -> Node:
         node = self.document["nodes"][_index(number)]
@@ -220,4 +245,4 @@ def parse_gltf(data: bytes, path: Path) -> Geometry:
     else:
         children = set(chain.from_iterable(node.get("children", ()) for node in nodes))
         roots = [number for number in range(len(nodes)) if number not in children]
-    return walk(roots, gltf.node, path)
+    return walk(roots, cache(gltf.node), path)

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ from numpy.typing import NDArray
 from dicedesign.errors import MeshFileError
 from dicedesign.geometry.meshes.body import merge_positions
 from dicedesign.runtime.arrays import Floats, Integers
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
 
 
 class Geometry(NamedTuple):
@@ -41,19 +38,6 @@ class Geometry(NamedTuple):
     is_rounded: bool | None = None
 
 
-def xml_root(data: bytes) -> Element:
-    """Root element of an XML file. Raises ParseError (a SyntaxError), ValueError or LookupError
-    for what is no XML, and for a document type, whose entities could fill the memory."""
-    # Few files are XML.
-    from xml.etree import ElementTree
-
-    class Builder(ElementTree.TreeBuilder):
-        def doctype(self, *_: object) -> None:
-            raise ElementTree.ParseError("it has a document type")
-
-    return ElementTree.fromstring(data, ElementTree.XMLParser(target=Builder()))
-
-
 Line = tuple[int, list[str]]
 
 EXPORT_AGAIN = "export it again as STL, PLY or OBJ"
@@ -64,6 +48,9 @@ QUOTED = 40
 
 MOST_INDEX = 2**31
 """Largest vertex number."""
+
+MAX_TEXT_BYTES = 1 << 30
+"""Limit of a mesh or point file that is text: 1 GiB, which takes ten times as much memory."""
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 """A number with a comma for its point."""
@@ -90,7 +77,7 @@ def parse_obj(data: bytes, path: Path) -> Geometry:
     """
     points: list[float] = []
     triangles: list[int] = []
-    for number, fields in _lines(_decode(data)):
+    for number, fields in _lines(_decode(data, path)):
         if fields[0] == "v":
             points += _position(path, number, fields[1:4])
         elif fields[0] == "f":
@@ -116,7 +103,7 @@ def parse_off(data: bytes, path: Path) -> Geometry:
     A line for each vertex and face may end with colors; otherwise the file is a stream of numbers
     with any line breaks. Parameters, results and errors are those of `parse_obj`.
     """
-    lines = list(_lines(_decode(data)))
+    lines = list(_lines(_decode(data, path)))
     header = OFF_HEADER.match(lines[0][1][0]) if lines else None
     if header is None:
         raise MeshFileError(
@@ -146,10 +133,15 @@ def _regroup_off(lines: list[Line], width: int) -> list[Line]:
     """
     words = [(number, field) for number, fields in lines for field in fields]
     points, faces = int(words[0][1]), int(words[1][1])
+    if min(points, faces) < 0 or width * points + faces > len(words):
+        raise ValueError
     starts = [0, *range(3, 3 + width * points + 1, width)]
     for _ in range(faces):
-        starts.append(starts[-1] + 1 + int(words[starts[-1]][1]))
-    if starts[-1] != len(words) or min(points, faces) < 0:
+        sides = int(words[starts[-1]][1])
+        if sides < 0:
+            raise ValueError
+        starts.append(starts[-1] + 1 + sides)
+    if starts[-1] != len(words):
         raise ValueError
     return [(words[a][0], [field for _, field in words[a:b]]) for a, b in pairwise(starts)]
 
@@ -189,7 +181,7 @@ def parse_xyz(data: bytes, path: Path) -> Geometry:
     Parameters, results and errors are those of `parse_obj`, without triangles.
     """
     points: list[float] = []
-    for number, words in _lines(_decode(data)):
+    for number, words in _lines(_decode(data, path)):
         if len(words) >= 3 and all(DECIMAL_COMMA.fullmatch(word) for word in words[:3]):
             raise bad_line(path, number, "decimal points", " ".join(words))
         fields = " ".join(words).replace(",", " ").replace(";", " ").split()
@@ -197,8 +189,14 @@ def parse_xyz(data: bytes, path: Path) -> Geometry:
     return _arrays(points, [])
 
 
-def _decode(data: bytes) -> str:
-    """Text in UTF-8, UTF-16 or UTF-32, with or without a byte order mark."""
+def _decode(data: bytes, path: Path) -> str:
+    """Text in UTF-8, UTF-16 or UTF-32, with or without a byte order mark. Raises MeshFileError if
+    it is too long."""
+    if len(data) > MAX_TEXT_BYTES:
+        raise MeshFileError(
+            f"{path}: expected a text of at most {MAX_TEXT_BYTES >> 20} MiB, got "
+            f"{len(data) >> 20}; export it as binary STL or PLY"
+        )
     # The first characters are ASCII, as in JSON.
     return data.decode(json.detect_encoding(data), errors="replace").removeprefix("\ufeff")
 
@@ -206,18 +204,19 @@ def _decode(data: bytes) -> str:
 def _lines(text: str) -> Iterator[Line]:
     """Number and fields of every line that holds any, comments and continuations resolved."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    pending, start = "", 0
+    pending, start = list[str](), 0
     for number, line in enumerate(lines, start=1):
         start = start or number
         if "#" in line:
             line = line.partition("#")[0]
-        line = pending + line.rstrip()
+        line = line.rstrip()
         if line.endswith("\\"):
-            pending = line[:-1]
+            pending.append(line[:-1])
             continue
-        if fields := line.split():
+        if fields := "".join([*pending, line]).split():
             yield start, fields
-        pending, start = "", 0
+        pending.clear()
+        start = 0
 
 
 def _position(path: Path, number: int, fields: Sequence[str]) -> tuple[float, ...]:
@@ -301,7 +300,13 @@ PLY_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"
 PLY_FACES = {"vertex_indices", "vertex_index"}
 """Names of the corners of faces."""
 
-PLY_HEADER = re.compile(rb"\s*ply\s*?(\r\n|\r|\n).*?\send_header[ \t]*\1", re.DOTALL)
+PLY_START = re.compile(rb"\s*ply[^\S\r\n]*(?=(\r\n|\r|\n))")
+
+MAX_HEADER_BYTES = 1 << 16
+"""Limit of the header of a PLY file: 64 KiB."""
+
+MAX_WORD_BYTES = 64
+"""Limit of a word in a PLY file that is text; an array has the longest for all of them."""
 
 
 class PlyElement(NamedTuple):
@@ -319,12 +324,16 @@ def parse_ply(data: bytes, path: Path) -> Geometry:
     Parameters and results are those of `parse_obj`. Raises MeshFileError: its header promises other
     content than there is, or ValueError, LookupError or TypeError: it is none.
     """
-    header = PLY_HEADER.match(data)
+    start = PLY_START.match(data, 0, MAX_HEADER_BYTES)
+    if start is None:
+        raise ValueError
+    end = re.compile(rb"\send_header[ \t]*" + start[1])
+    header = end.search(data, start.end(), MAX_HEADER_BYTES)
     if header is None:
         raise ValueError
     elements: list[PlyElement] = []
     order = ""
-    for words in map(str.split, header[0].decode("latin-1").splitlines()):
+    for words in map(str.split, data[: header.end()].decode("latin-1").splitlines()):
         if words[:1] == ["format"]:
             order = PLY_ORDERS[words[1]]
         elif words[:1] == ["element"]:
@@ -336,7 +345,10 @@ def parse_ply(data: bytes, path: Path) -> Geometry:
     if order:
         body = np.frombuffer(data, np.uint8, offset=header.end())
     else:
-        body = np.array(data[header.end() :].split(), dtype=np.bytes_)
+        fields = data[header.end() :].split()
+        if max(map(len, fields), default=0) > MAX_WORD_BYTES or len(data) > MAX_TEXT_BYTES:
+            raise ValueError
+        body = np.array(fields, dtype=np.bytes_)
     points, triangles, at = np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), 0
     try:
         for element in elements:
@@ -417,7 +429,7 @@ STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("col
 """Triangle of a binary file; its last two bytes are an extension that most programs skip."""
 
 
-STL_TEXT = re.compile(r"^\s*(solid|facet)\b", re.IGNORECASE | re.MULTILINE)
+STL_TEXT = re.compile(r"^[^\S\n]*(solid|facet)\b", re.IGNORECASE | re.MULTILINE)
 """A line of an STL file that is text."""
 
 
@@ -443,7 +455,7 @@ def parse_stl(data: bytes, path: Path) -> Geometry:
         if more:
             notes = (f"ignored {len(more)} bytes after the last triangle",)
     else:
-        text = _decode(data)
+        text = _decode(data, path)
         if is_cut or "\0" in text or not STL_TEXT.search(text):
             raise MeshFileError(
                 f"{path}: expected a .stl file, text of solids or binary of {STL_HEADER} "

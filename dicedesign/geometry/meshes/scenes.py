@@ -11,13 +11,15 @@ import numpy as np
 from dicedesign.errors import MeshFileError
 from dicedesign.geometry.meshes.body import is_rounded
 from dicedesign.geometry.meshes.parsing import EXPORT_AGAIN, Geometry
+from dicedesign.geometry.triangles import surface_of
 from dicedesign.runtime.arrays import Floats, Integers
 
-MAX_NODES = 1 << 17
+MAX_NODES = 20_000
 """Limit of the places of meshes in a scene; nodes within themselves have no end."""
 
-MAX_POINTS = 1 << 26
-"""Limit of the points of all of them."""
+MAX_PLACED = 5_000_000
+"""Limit of the vertices and triangles of a body with its repeated parts; twice those in the file
+are allowed too."""
 
 
 class Part(NamedTuple):
@@ -59,7 +61,7 @@ def join_parts(parts: Sequence[Part], path: Path) -> Geometry:
 
 def walk(roots: Sequence[Any], node_of: Callable[[Any], Node], path: Path) -> Geometry:
     """Geometry of all meshes below the roots of a scene. Raises MeshFileError: it has no end."""
-    parts, visits, points = [], 0, 0
+    parts, visits = list[Part](), 0
     pending = [(root, np.eye(4)) for root in reversed(roots)]
     while pending:
         root, above = pending.pop()
@@ -68,13 +70,28 @@ def walk(roots: Sequence[Any], node_of: Callable[[Any], Node], path: Path) -> Ge
         parts += [Part(*mesh, matrix) for mesh in node.meshes]
         pending += [(child, matrix) for child in reversed(node.children)]
         visits += 1
-        points += sum(len(mesh[0]) for mesh in node.meshes)
-        if max(visits, len(pending)) > MAX_NODES or points > MAX_POINTS:
+        if max(visits, len(pending), len(parts)) > MAX_NODES:
             raise MeshFileError(
-                f"{path}: expected at most {MAX_NODES} places of meshes with {MAX_POINTS} points, "
-                f"got more, or nodes within themselves; {EXPORT_AGAIN}"
+                f"{path}: expected at most {MAX_NODES} places of meshes, got more, or nodes within "
+                f"themselves; {EXPORT_AGAIN}"
             )
+    sizes = [len(part.points) + len(part.triangles) for part in parts]
+    held = sum({id(part.triangles): size for part, size in zip(parts, sizes, strict=True)}.values())
+    limit = max(MAX_PLACED, 2 * held)
+    if sum(sizes) > limit:
+        raise MeshFileError(
+            f"{path}: expected at most {limit} vertices and triangles with all repeated meshes, "
+            f"got {sum(sizes)}; {EXPORT_AGAIN}"
+        )
     return join_parts(parts, path)
+
+
+def used_part(points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
+    """Triangles with the points that they use, where many meshes may share one array of points."""
+    if 0 < triangles.size < len(points):
+        part = surface_of(points, triangles)
+        return part.points, part.triangles
+    return points, triangles
 
 
 def quaternion_matrix(x: float, y: float, z: float, w: float) -> Floats:

@@ -23,23 +23,15 @@ import numpy as np
 from dicedesign.errors import DiceError, MeshFileError
 from dicedesign.geometry.meshes.body import Body, is_rounded, make_body
 from dicedesign.geometry.meshes.parsing import EXPORT_AGAIN, QUOTED
+from dicedesign.geometry.meshes.scenes import MAX_PLACED
+from dicedesign.geometry.meshes.xml_files import max_unpacked
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import read_file
 
 MAX_UNPACKED = 1 << 31
-"""Limit of the unpacked bytes of a file."""
+"""Limit of the unpacked bytes of a file: 2 GiB; see also `max_unpacked`."""
 
-MAX_RATIO = 100
-"""Limit of unpacked bytes per byte of a file, above `SMALL_UNPACKED`; meshes have 5 to 30."""
-
-SMALL_UNPACKED = 1 << 25
-"""Unpacked bytes that any file may have."""
-
-MAX_PLACED = 5_000_000
-"""Limit of the vertices, triangles and components of a build item; twice those in the file are
-allowed too."""
-
-MAX_LISTED = 100_000
+MAX_LISTED = 20_000
 """Limit of the objects, components, build items and volumes that a file lists."""
 
 MAX_DEPTH = 100
@@ -140,7 +132,7 @@ class Build:
         self._unit = ""
         self._listed = 0
         data = read_file(path, "a 3MF file", error=MeshFileError)
-        self._limit = self._room = min(MAX_UNPACKED, max(SMALL_UNPACKED, MAX_RATIO * len(data)))
+        self._limit = self._room = max_unpacked(len(data), MAX_UNPACKED)
         items: list[Component] = []
         try:
             with zipfile.ZipFile(io.BytesIO(data)) as self._archive:
@@ -238,12 +230,15 @@ class Build:
                 points, triangles = points[used], corners.reshape(-1, 3)
             if len(triangles):
                 yield points, triangles, placed.transform
+            words_of = defaultdict[str | None, list[str]](list)
+            for volume in volumes:
+                words_of[volume.component].append(volume.word)
             inner = []
             # The same object may be there several times, and is then listed as often.
             times: Counter[str] = Counter()
             for component in each.components:
                 number = component.key[1]
-                words = [volume.word for volume in volumes if volume.component == number]
+                words = words_of[number]
                 word = words[min(times[number], len(words) - 1)] if words else ""
                 times[number] += 1
                 if word:
@@ -419,7 +414,10 @@ class Build:
         # Entities could grow without end.
         parser.StartDoctypeDeclHandler = doctype
         with self._archive.open(self._parts[part]) as file:
-            while chunk := file.read(CHUNK_BYTES):
+            # Larger and larger chunks, as each reads the element again that the last one cut.
+            size = CHUNK_BYTES
+            while chunk := file.read(size):
+                size += len(chunk) // 8
                 self._room -= len(chunk)
                 if self._room < 0:
                     raise self._error(f"at most {self._limit >> 20} MiB of unpacked parts", "more")

@@ -2,44 +2,26 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dicedesign.errors import MeshFileError
-from dicedesign.geometry.meshes.parsing import Geometry, fans, xml_root
-from dicedesign.geometry.meshes.scenes import Node, quaternion_matrix, triangles_of, walk
+from dicedesign.geometry.meshes.parsing import Geometry, fans
+from dicedesign.geometry.meshes.scenes import (
+    Node,
+    quaternion_matrix,
+    triangles_of,
+    used_part,
+    walk,
+)
+from dicedesign.geometry.meshes.xml_files import scene_root
 from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
-
-MAX_XML_BYTES = 1 << 28
-"""Limit of an XML file, 256 MiB, which takes ten times as much memory."""
-
-
-def _xml_root(data: bytes, path: Path) -> Element:
-    """Root of an XML file, zipped or not, without namespaces."""
-    if data[:2] == b"PK":
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = [m for m in archive.infolist() if m.filename.endswith((".amf", ".dae"))]
-            size = members[0].file_size
-            data = archive.read(members[0]) if size <= MAX_XML_BYTES else b""
-    else:
-        size = len(data)
-    if size > MAX_XML_BYTES:
-        raise MeshFileError(
-            f"{path}: expected at most {MAX_XML_BYTES >> 20} MiB of XML, got {size >> 20}; export "
-            "it as STL or PLY"
-        )
-    root = xml_root(data)
-    for element in root.iter():
-        element.tag = element.tag.rpartition("}")[2]
-    return root
 
 
 def _floats(element: Element | None, count: int) -> Floats:
@@ -62,14 +44,15 @@ class _Collada:
     def __init__(self, root: Element) -> None:
         self.root = root
         self.ids = _ids_of(root)
-        self.known: dict[Element, list[tuple[Floats, Integers]]] = {}
+        self.meshes = cache(self._meshes)
+        self._points = cache(self._read_points)
 
     def target(self, element: Element, name: str = "url") -> Element:
         """Element that another one names."""
         return self.ids[element.get(name, "").removeprefix("#")]
 
     def node(self, element: Element) -> Node:
-        matrix, children, meshes = np.eye(4), [], []
+        matrix, children, meshes, is_skewed = np.eye(4), [], [], False
         for child in element:
             own = np.eye(4)
             if child.tag == "matrix":
@@ -83,10 +66,8 @@ class _Collada:
                 half = np.radians(angle) / 2.0
                 x, y, z = np.sin(half) * np.array(axis) / (np.linalg.norm(axis) or 1.0)
                 own[:3, :3] = quaternion_matrix(x, y, z, np.cos(half))
-            elif child.tag in ("lookat", "skew") and (
-                element.find(".//instance_geometry") is not None
-            ):
-                raise ValueError
+            elif child.tag in ("lookat", "skew"):
+                is_skewed = True
             elif child.tag == "node":
                 children.append(child)
             elif child.tag == "instance_node":
@@ -105,12 +86,12 @@ class _Collada:
                 else:
                     children.append(source)
             matrix = matrix @ own
+        if is_skewed and element.find(".//instance_geometry") is not None:
+            raise ValueError
         return Node(matrix, children, meshes)
 
-    def meshes(self, geometry: Element) -> list[tuple[Floats, Integers]]:
+    def _meshes(self, geometry: Element) -> list[tuple[Floats, Integers]]:
         """Points and triangles of each group of primitives of a geometry."""
-        if geometry in self.known:
-            return self.known[geometry]
         meshes = []
         # Some programs give sources of several geometries one name.
         own = _ids_of(geometry)
@@ -144,11 +125,11 @@ class _Collada:
                 if group.tag == "tristrips"
                 else fans(sizes, joined)
             )
-            meshes.append((self._points(own[position.get("source", "")[1:]]), triangles))
-        self.known[geometry] = meshes
+            points = self._points(own[position.get("source", "")[1:]])
+            meshes.append(used_part(points, triangles))
         return meshes
 
-    def _points(self, source: Element) -> Floats:
+    def _read_points(self, source: Element) -> Floats:
         """(n, 3) positions of a source."""
         accessor = source.find("technique_common/accessor")
         array = source.find("float_array")
@@ -165,7 +146,7 @@ def parse_collada(data: bytes, path: Path) -> Geometry:
 
     Raises MeshFileError or any other exception: it is wrong.
     """
-    root = _xml_root(data, path)
+    root = scene_root(data, path, (".dae",))
     collada = _Collada(root)
     scene = root.find("scene/instance_visual_scene")
     roots = (
@@ -173,7 +154,7 @@ def parse_collada(data: bytes, path: Path) -> Geometry:
         if scene is None
         else [collada.target(scene)]
     )
-    geometry = walk(roots, collada.node, path)
+    geometry = walk(roots, cache(collada.node), path)
     unit = root.find("asset/unit")
     return _scale(geometry, 1e3 * (1.0 if unit is None else float(unit.get("meter", 1.0))))
 
@@ -193,12 +174,17 @@ def parse_amf(data: bytes, path: Path) -> Geometry:
     Support and the modifiers of slicers are left out. Raises MeshFileError or any other exception:
     it is wrong.
     """
-    root = _xml_root(data, path)
+    root = scene_root(data, path, (".amf",))
     if root.tag != "amf":
         raise ValueError
     things = {each.get("id", ""): each for each in root if each.tag in ("object", "constellation")}
-    known: dict[str, list[tuple[Floats, Integers]]] = {}
+    meshes = {name: list(_amf_meshes(each)) for name, each in things.items()}
+    children = {
+        name: [(each.get("objectid", ""), each) for each in thing.iterfind("instance")]
+        for name, thing in things.items()
+    }
 
+    @cache
     def node_of(place: tuple[str, Element | None]) -> Node:
         name, instance = place
         matrix = np.eye(4)
@@ -210,11 +196,7 @@ def parse_amf(data: bytes, path: Path) -> Geometry:
                 own = quaternion_matrix(x, y, z, np.cos(half))
                 matrix[:3, :3] = own @ matrix[:3, :3]
             matrix[:3, 3] = shift
-        thing = things[name]
-        children = [(each.get("objectid", ""), each) for each in thing.iterfind("instance")]
-        if thing.tag == "object" and name not in known:
-            known[name] = list(_amf_meshes(thing))
-        return Node(matrix, children, known.get(name, ()))
+        return Node(matrix, children[name], meshes[name])
 
     placed = {each.get("objectid") for each in root.iter("instance")}
     roots = [(name, None) for name in things if name not in placed]

@@ -22,6 +22,7 @@ from dicedesign.geometry.robots.links import (
     Attributes,
     NamedBody,
     Shape,
+    gather_shapes,
     inertial_frame,
     make_link,
     mesh_shape,
@@ -141,7 +142,7 @@ def _urdf_links(
         return primitive_shape(kind, size, motion(element))
 
     def read(link: Element, elements: list[Element], name: str) -> Body:
-        shapes, inertial = [shape(element) for element in elements], None
+        shapes, inertial = gather_shapes(map(shape, elements)), None
         if (frame := link.find("inertial")) is not None:
             of = attributes(frame, "inertia")
             keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")

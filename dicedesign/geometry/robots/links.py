@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -14,7 +14,9 @@ import numpy as np
 from dicedesign.errors import InputError, MeshFileError
 from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import Body, MassProperties, make_body, solid_triangles
-from dicedesign.geometry.meshes.parsing import xml_root
+from dicedesign.geometry.meshes.parsing import QUOTED
+from dicedesign.geometry.meshes.scenes import MAX_PLACED
+from dicedesign.geometry.meshes.xml_files import xml_root
 from dicedesign.geometry.triangles import Surface, join_inertia, join_surfaces
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import MAX_TEXT_BYTES, read_file
@@ -24,6 +26,15 @@ if TYPE_CHECKING:
 
 Attributes = Mapping[str, str]
 """Attributes of an XML element."""
+
+MAX_TAGS = 1 << 20
+"""Limit of the tags of a robot's file, and of all that it includes: one million."""
+
+MAX_ATTRIBUTES = 100
+"""Limit of the attributes of an element."""
+
+MAX_SHAPES = 1000
+"""Limit of the shapes of a link."""
 
 SIDES = 32
 """Sides of the polyhedron that stands for a round shape."""
@@ -177,14 +188,36 @@ def make_link(
 
 
 def parse_xml(path: Path) -> Element:
-    """Root element of a robot's file. Raises MeshFileError as `xml_root`, or if it is missing."""
+    """Root element of a robot's file. Raises MeshFileError as `xml_root`, or if it is missing or
+    has too many attributes."""
     data = read_file(path, "a robot", most=MAX_TEXT_BYTES, error=MeshFileError)
     try:
-        return xml_root(data)
+        root = xml_root(data, MAX_TAGS)
     except (SyntaxError, ValueError, LookupError) as error:
         raise MeshFileError(
-            f"{path}: expected XML without document type and entities, but {error}; correct it"
+            f"{path}: expected XML without document type and entities, but "
+            f"{str(error)[: 3 * QUOTED]}; correct it"
         ) from error
+    if (most := max(len(element.attrib) for element in root.iter())) > MAX_ATTRIBUTES:
+        raise MeshFileError(
+            f"{path}: expected at most {MAX_ATTRIBUTES} attributes of an element, got {most}; "
+            "remove some"
+        )
+    return root
+
+
+def gather_shapes(shapes: Iterable[Shape]) -> list[Shape]:
+    """Shapes of a link. Raises InputError for too many, and for too many vertices and triangles."""
+    gathered, size = list[Shape](), 0
+    for shape in shapes:
+        gathered.append(shape)
+        size += len(shape.surface.points) + len(shape.surface.triangles)
+        if len(gathered) > MAX_SHAPES or size > MAX_PLACED:
+            raise InputError(
+                f"expected at most {MAX_SHAPES} shapes of a link, with {MAX_PLACED} vertices and "
+                "triangles, got more; simplify it"
+            )
+    return gathered
 
 
 def numbers(of: Attributes, key: str, default: str, *counts: int) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial, reduce
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,9 +14,11 @@ import numpy as np
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import Body
 from dicedesign.geometry.robots.links import (
+    MAX_TAGS,
     Attributes,
     NamedBody,
     Shape,
+    gather_shapes,
     inertial_frame,
     make_link,
     mesh_shape,
@@ -32,11 +34,17 @@ if TYPE_CHECKING:
 
 MAX_INCLUDES = 100
 
+USED_DEFAULTS = frozenset(("geom", "mesh"))
+"""Elements whose default attributes are read."""
+
 DEFAULT_DENSITY = 1000.0
 """Density of shapes in kg/m^3."""
 
-Geom = tuple[Attributes, list[Attributes]]
-"""Attributes of a shape, and those of the frames around it, the outermost first."""
+Frame = tuple[Attributes, "Frame | None"]
+"""Attributes of a frame, and the frame around it."""
+
+Geom = tuple[Attributes, Frame | None]
+"""Attributes of a shape, and the frame around it."""
 
 
 class MjcfModel:
@@ -51,15 +59,7 @@ class MjcfModel:
 
     def __init__(self, path: Path, root: Element, read_mesh: Callable[[Path], Body]) -> None:
         self.folder, self.root, self.read_mesh = path.parent, root, read_mesh
-        for _ in range(MAX_INCLUDES):
-            places = ((parent, k) for parent in root.iter() for k in range(len(parent)))
-            place = next((p for p in places if p[0][p[1]].tag == "include"), None)
-            if place is None:
-                break
-            parent, k = place
-            parent[k : k + 1] = list(parse_xml(self.folder / parent[k].get("file", "")))
-        else:
-            raise InputError(f"include: expected at most {MAX_INCLUDES}, got more; merge them")
+        self._include()
         self.compiler: dict[str, str] = {}
         for element in root.iterfind("compiler"):
             self.compiler |= element.attrib
@@ -69,7 +69,11 @@ class MjcfModel:
             element, name, above = pending.pop()
             # A class may be in several places, such as in included files.
             base = self.classes.get(name, self.classes[above])
-            own = {child.tag: {**base.get(child.tag, {}), **child.attrib} for child in element}
+            own = {
+                child.tag: {**base.get(child.tag, {}), **child.attrib}
+                for child in element
+                if child.tag in USED_DEFAULTS
+            }
             self.classes[name] = {**base, **own}
             inner = [(each, each.get("class", ""), name) for each in element.iterfind("default")]
             pending += inner[::-1]
@@ -77,6 +81,26 @@ class MjcfModel:
             self.classes.setdefault(element.get("class", "main"), self.classes["main"])
         meshes = [self.attributes(mesh, "main") for mesh in root.iterfind("asset/mesh")]
         self.assets = {of.get("name", Path(of.get("file", "")).stem): of for of in meshes}
+
+    def _include(self) -> None:
+        """Replace each `include` with the content of its file. Raises InputError: too many, or too
+        large."""
+        pending, includes, tags = [self.root], 0, 0
+        while pending:
+            parent, k = pending.pop(), 0
+            while k < len(parent):
+                if parent[k].tag != "include":
+                    pending.append(parent[k])
+                    k += 1
+                    continue
+                included = parse_xml(self.folder / parent[k].get("file", ""))
+                parent[k : k + 1] = list(included)
+                includes, tags = includes + 1, tags + sum(1 for _ in included.iter())
+                if includes > MAX_INCLUDES or tags > MAX_TAGS:
+                    raise InputError(
+                        f"include: expected at most {MAX_INCLUDES} with {MAX_TAGS} tags, got more; "
+                        "merge them"
+                    )
 
     def attributes(self, element: Element, class_name: str) -> Attributes:
         """Attributes of an element with those of its default class."""
@@ -139,19 +163,19 @@ class MjcfModel:
         return links
 
     def _geoms(self, body: Element, class_name: str) -> list[Geom]:
-        """Attributes of the shapes of a body, and of the frames around each."""
+        """Attributes of the shapes of a body, and the frame around each."""
         geoms: list[Geom] = []
-        pending: list[tuple[Element, str, list[Attributes]]] = [(body, class_name, [])]
+        pending: list[tuple[Element, str, Frame | None]] = [(body, class_name, None)]
         while pending:
-            element, class_name, frames = pending.pop()
+            element, class_name, frame = pending.pop()
             for child in element:
                 if child.tag == "geom":
                     of = self.attributes(child, class_name)
                     if of.get("type") not in ("plane", "hfield"):
-                        geoms.append((of, frames))
+                        geoms.append((of, frame))
                 elif child.tag == "frame":
                     inner = child.get("childclass", class_name)
-                    pending.append((child, inner, [*frames, child.attrib]))
+                    pending.append((child, inner, (child.attrib, frame)))
                 elif child.tag in ("replicate", "attach"):
                     raise InputError(
                         f"{child.tag}: expected bodies written out, got this element; save the "
@@ -159,11 +183,23 @@ class MjcfModel:
                     )
         return geoms
 
+    def _frame(self, known: dict[int, Floats], frame: Frame | None) -> Floats:
+        """Motion (4, 4) of a frame in its body. known: those of frames by their identity."""
+        unknown = list[Frame]()
+        while frame is not None and id(frame) not in known:
+            unknown.append(frame)
+            frame = frame[1]
+        motion = np.eye(4) if frame is None else known[id(frame)]
+        for inner in reversed(unknown):
+            motion = known[id(inner)] = motion @ self.motion(inner[0])
+        return motion
+
     def _read(self, body: Element, geoms: list[Geom], name: str) -> Body:
         solids, colliding, inertial = [], [], None
         low, high = numbers(self.compiler, "inertiagrouprange", "0 5", 2)
-        for of, frames in geoms:
-            shape = self._shape(of, reduce(np.matmul, map(self.motion, frames), np.eye(4)))
+        frame_of = partial(self._frame, {})
+        shapes = gather_shapes(self._shape(of, frame_of(frame)) for of, frame in geoms)
+        for shape, (of, _) in zip(shapes, geoms, strict=True):
             (density,) = numbers(of, "density", str(DEFAULT_DENSITY), 1)
             (mass,) = numbers(of, "mass", str(density * shape.volume), 1)
             counts = low <= numbers(of, "group", "0", 1)[0] <= high
