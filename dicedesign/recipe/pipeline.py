@@ -272,8 +272,8 @@ def _load_method(work: Work) -> Callable[[Work], Any]:
     import_module("dicedesign.geometry.hulls.numpy_hull")
     if work.folder is not None:
         # What later stages need is missed before the design, not after it.
-        for name in ("dicedesign.recipe.engrave", "dicedesign.recipe.output"):
-            import_module(name)
+        if work.recipe.engrave is not None:
+            import_module("dicedesign.recipe.engrave")
         if work.recipe.figures or work.recipe.engrave is not None:
             import_module("matplotlib.figure")
         if len(work.recipe.files) > 1:

@@ -25,6 +25,7 @@ from dicedesign.runtime.files import (
 )
 from dicedesign.runtime.interrupts import hold_interrupts
 from dicedesign.runtime.outputs import (
+    MAX_LIST_BYTES,
     UNFINISHED,
     check_folder,
     checksum,
@@ -107,7 +108,7 @@ def read_result(folder: Path | str) -> Result:
 
     path = Path(folder) / RESULT
     try:
-        result = TypeAdapter(Result).validate_json(read_file(path, "a result"))
+        result = TypeAdapter(Result).validate_json(read_file(path, "a result", most=MAX_LIST_BYTES))
         _check(result)
         result = dataclasses.replace(result, folder=Path(folder))
     except (ValueError, RecursionError) as error:
