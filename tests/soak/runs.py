@@ -127,13 +127,13 @@ def try_recipe(parent: Path, seed: int, number: int) -> list[str]:
     if name is not None and not faults:
         sent, out = signal.Signals[name], folder / "ended"
         ended = run(["run", "recipe.yaml", "--out", "ended"], sent=sent, after=after)
-        # An interrupt within `exec`, as in a dataclass, ends Python by SIGINT.
-        signal_codes = (130, -sent) if sent == signal.SIGINT else (-sent,)
+        # The signal may come before the program can handle it.
+        signal_codes = (-sent,) if sent == signal.SIGKILL else (128 + sent, -sent)
         if not before_main(ended.err):
             faults += faults_of(ended, alone.code, *signal_codes)
         if (out / RESULT).exists():
             faults += read_faults(out)
-        elif out.exists() and sent == signal.SIGINT and ended.code in signal_codes:
+        elif out.exists() and ended.code == 128 + sent:
             faults.append(f"an interrupted run left {sorted(path.name for path in out.iterdir())}")
         again = run(["run", "recipe.yaml", "--out", "ended"])
         faults += faults_of(again, alone.code)
