@@ -85,19 +85,19 @@ def make_set(
     InputError: a die cannot be made, or the dice do not fit on the print bed. OutputError: the
         folder cannot be written.
     """
-    works, heights = [], [(math.inf, 0.0)]
-    for name, recipe in recipes.items():
-        works.append(Work(recipe, folder / name))
-        with named(name):
-            heights.append(_design(works[-1], size_mm))
-        on_die()
-    fitting, printable = zip(*heights, strict=True)
+    works = [Work(recipe, folder / name) for name, recipe in recipes.items()]
     with ExitStack() as stack:
         stack.enter_context(open_results_folder(folder, [PLATE, PAGE, TABLE]))
-        for name, work in zip(recipes, works, strict=True):
-            names = output_names(work.recipe, folder / name)
-            inputs = input_files(work.recipe)
+        for name, recipe in recipes.items():
+            names, inputs = output_names(recipe, folder / name), input_files(recipe)
             stack.enter_context(open_results_folder(folder / name, names, inputs))
+        heights = [(math.inf, 0.0)]
+        for name, work in zip(recipes, works, strict=True):
+            with named(name):
+                heights.append(_design(work, size_mm))
+            on_die()
+        fitting, printable = zip(*heights, strict=True)
+        for name, work in zip(recipes, works, strict=True):
             engrave = work.recipe.engrave
             if engrave is not None:
                 # The largest height that fits on all faces of all dice, if the printer shows it.

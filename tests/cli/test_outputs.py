@@ -43,6 +43,9 @@ WRITING = {
 }
 """Commands that write files, by name and variant."""
 
+SLOW = {"set", "sweep", "balance", "design"}
+"""Those that take many seconds."""
+
 READING = {"drop", "throw", "view"}
 """Commands that write none."""
 
@@ -90,7 +93,13 @@ def test_all_commands_are_here() -> None:
     assert {name.split()[0] for name in WRITING} | READING == set(COMMANDS)
 
 
-@pytest.mark.parametrize("line", WRITING.values(), ids=WRITING)
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param(line, id=name, marks=pytest.mark.full if name in SLOW else ())
+        for name, line in WRITING.items()
+    ],
+)
 def test_no_file_of_the_user_is_replaced(
     line: str, inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
