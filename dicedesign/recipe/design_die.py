@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from dicedesign.errors import EngravingError, InputError
 from dicedesign.optimize.targets import Target
-from dicedesign.recipe.pipeline import Callbacks, Work, finish, output_names, run_stages
+from dicedesign.recipe.pipeline import Callbacks, Work, finish, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target
 from dicedesign.recipe.recipe import NAME, Recipe
+from dicedesign.recipe.recipe_files import output_names
 from dicedesign.results.parts import Status
 
 if TYPE_CHECKING:

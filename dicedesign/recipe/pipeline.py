@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,11 +18,11 @@ from dicedesign.optimize.targets import Target
 from dicedesign.recipe.callbacks import Callbacks
 from dicedesign.recipe.reading import parse_recipe, read_recipe, recipe_text
 from dicedesign.recipe.recipe import AUTO, Recipe
+from dicedesign.recipe.recipe_files import input_files, output_names
 from dicedesign.results.folder import (
     CHECKPOINT,
     PAGE,
     RECIPE,
-    SOLIDS,
     open_results_folder,
     write_results,
 )
@@ -41,7 +40,6 @@ from dicedesign.results.result import (
     StageTime,
 )
 from dicedesign.runtime.checkpoint import Checkpoint
-from dicedesign.runtime.outputs import checksum, file_checksum
 from dicedesign.runtime.registry import Extension, Registry
 from dicedesign.runtime.workers import one_tensor_thread
 from dicedesign.throws.engines import CONTACT_LAW
@@ -486,37 +484,6 @@ def run(
             return finish(work)
         except KeyboardInterrupt as interrupt:
             raise KeyboardInterrupt(str(interrupt) or work.resume_note) from interrupt
-
-
-def output_names(recipe: Recipe, folder: Path) -> list[str]:
-    """Names of the files that a run of a recipe may write into a folder, or remove.
-
-    A recipe there with the same text stays as it is, and is left out.
-    """
-    names = [*SOLIDS, RESULT, CHECKPOINT]
-    names += [f"{stem}.{kind}" for kind in recipe.files for stem in ("die", "die_plain")]
-    if recipe.report:
-        names.append(PAGE)
-    if recipe.figures:
-        from dicedesign.report.figures import FIGURES
-
-        names += [f"{figure.name}{figure.suffix}" for figure in FIGURES]
-    if file_checksum(folder / RECIPE) != checksum(recipe_text(recipe).encode()):
-        names.append(RECIPE)
-    return names
-
-
-def input_files(recipe: Recipe) -> list[Path]:
-    """Files that a recipe names."""
-
-    def texts(value: object) -> list[str]:
-        if isinstance(value, Mapping):
-            value = list(value.values())
-        if isinstance(value, list | tuple):
-            return [text for each in value for text in texts(each)]
-        return [value] if isinstance(value, str) else []
-
-    return [Path(text) for text in texts(recipe.as_dict()) if os.path.isfile(text)]
 
 
 def finish(work: Work) -> Result:

@@ -19,9 +19,10 @@ from dicedesign.fabricate.numbering import opposite_facets
 from dicedesign.fabricate.printability import least_details, narrowest_stroke
 from dicedesign.geometry.triangles import Surface
 from dicedesign.recipe.output import die_contents
-from dicedesign.recipe.pipeline import Work, finish, input_files, output_names, run_stages
+from dicedesign.recipe.pipeline import Work, finish, run_stages
 from dicedesign.recipe.reading import parse_recipe, parse_target
 from dicedesign.recipe.recipe import Recipe
+from dicedesign.recipe.recipe_files import input_files, output_names
 from dicedesign.recipe.solid import place_at_size
 from dicedesign.report.colored_die import color_parts
 from dicedesign.report.pages import set_page

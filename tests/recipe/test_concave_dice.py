@@ -13,6 +13,7 @@ import trimesh
 import yaml
 from check_outputs import check
 from common.dented_cube import NORMALS, MadeUpSearch, write_cube
+from common.finished import finished_result
 from common.processes import kill_at_write
 
 from dicedesign import rest_poses
@@ -29,10 +30,11 @@ from dicedesign.recipe.design_die import design_recipe
 from dicedesign.recipe.pipeline import Callbacks, Work
 from dicedesign.recipe.reading import read_recipe
 from dicedesign.rest.outcomes import outcome_probabilities
-from dicedesign.results.folder import read_result
+from dicedesign.results.folder import read_result, write_results
 from dicedesign.results.parts import Status
 from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.checkpoint import checkpoint_bytes
 
 PICTURES = {
     "rests",
@@ -98,8 +100,10 @@ def test_a_recipe_becomes_a_die(recipe_path: Path, tmp_path: Path, search: MadeU
     """In a folder of an earlier run, whose files are removed."""
     folder = tmp_path / "out"
     folder.mkdir()
-    for name in ("gauss_map.png", "checkpoint.npz", "result.json", "mine"):
-        (folder / name).write_bytes(b"of an earlier run")
+    files = dict.fromkeys(["gauss_map.png", "die.stl"], b"of an earlier run")
+    write_results(folder, files, finished_result(["a"], [1.0]))
+    (folder / "checkpoint.npz").write_bytes(checkpoint_bytes({"seed": "1"}, {}, {}))
+    (folder / "mine").touch()
     stages: list[str] = []
     steps: list[tuple[int, str]] = []
     recipe = read_recipe(recipe_path)

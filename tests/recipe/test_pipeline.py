@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from check_outputs import check
+from common.finished import finished_result
 from common.made_up_die import SIDES, box, run_to_check
 from pygltflib import GLTF2
 
@@ -24,7 +25,7 @@ from dicedesign.recipe.pipeline import Callbacks, run
 from dicedesign.recipe.reading import parse_recipe, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.rest.outcomes import outcome_probabilities
-from dicedesign.results.folder import read_result
+from dicedesign.results.folder import read_result, write_results
 from dicedesign.results.parts import Status
 from dicedesign.results.result import StageTime
 
@@ -107,12 +108,13 @@ def test_a_die_that_also_rests_elsewhere_is_off_target(tmp_path: Path) -> None:
 
 
 def test_a_label_that_does_not_fit_leaves_old_results_alone(tmp_path: Path) -> None:
-    (tmp_path / "die.stl").write_bytes(b"of an earlier run")
+    files = {"die_plain.stl": b"of an earlier run"}
+    write_results(tmp_path, files, finished_result(["a"], [1.0]))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     small = parse_recipe({**RECIPE, "engrave": True, "size_mm": 3})
     with pytest.raises(EngravingError, match=r"size_mm"):
         run(small, tmp_path)
-    assert (tmp_path / "die.stl").read_bytes() == b"of an earlier run"
-    assert [p.name for p in tmp_path.iterdir()] == ["die.stl"]
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_an_interrupted_run_leaves_nothing_half_written(
@@ -128,7 +130,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(
         replace(partial, path)
 
     monkeypatch.setattr(os, "replace", interrupt)
-    (tmp_path / "result.json").write_text("{}")
+    (tmp_path / "result.json").write_text('{"sha256": {}}')
     with pytest.raises(KeyboardInterrupt):
         run(parse_recipe({**RECIPE, "figures": False}), tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(written)
