@@ -22,7 +22,8 @@ from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.runtime import workers
-from dicedesign.sweep.dice import combine
+from dicedesign.sweep.dice import MAX_FOLDER_NAME, combine
+from dicedesign.sweep.dice_set import set_recipes
 from dicedesign.sweep.ranking import pareto_front, rank_rows
 
 SETTINGS = ("--seeds=2", "--set=size_mm=20,25")
@@ -236,6 +237,17 @@ def test_commas_in_brackets_and_quotes(recipe_path: Path) -> None:
     assert len({die.recipe.name for die in dice.values()}) == len(dice) == 4
 
 
+def test_long_names_of_folders_are_cut(recipe_path: Path) -> None:
+    """They differ nevertheless."""
+    labels = ["x" * 20, "y" * 20, "z" * 20]
+    choices = ",".join(f"[{','.join(labels)},{last}]" for last in "abc")
+    first, *others = combine(recipe_path, [f"target.labels={choices}"])
+    assert len(first) == MAX_FOLDER_NAME
+    assert len({first, *others}) == 3
+    (name,) = set_recipes([":".join(map(str, range(1, 26)))], {})
+    assert len(name) == MAX_FOLDER_NAME
+
+
 def make_rows(seed: int) -> list[dict[str, Any]]:
     """Rows with random measures and ties, some of them not converged."""
     rng = np.random.default_rng(seed)
@@ -271,3 +283,18 @@ def test_the_order_and_the_front_against_brute_force(seed: int) -> None:
         beaten = any(r >= radius and m >= margin and (r, m) != (radius, margin) for r, m in points)
         assert row["on_front"] == (not beaten)
     assert pareto_front(np.ones((2, 3))).tolist() == [True, True]
+
+
+def test_a_die_without_a_facet_for_each_label_comes_last() -> None:
+    """Its measures, of which it has none, count as 0."""
+    measures = {"none": (None, None), "small": (0.5, 0.5), "narrow": (0.25, 0.75)}
+    rows: list[dict[str, Any]] = [
+        {"name": name, "inradius_mm": radius, "margin_deg": margin}
+        for name, (radius, margin) in measures.items()
+    ]
+    ranked = rank_rows([{**row, "status": "converged", "max_abs_error": 0.0} for row in rows])
+    assert [(row["name"], row["on_front"]) for row in ranked] == [
+        ("small", True),
+        ("narrow", True),
+        ("none", False),
+    ]
