@@ -21,6 +21,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
@@ -107,10 +108,12 @@ class Watch:
         self.outcomes, codes, started = set(), set[CodeType](), time.perf_counter()
         if self.wanted is None:
             signal.alarm(LONGEST_TEST)
+            threading.settrace(lambda frame, *_: codes.add(frame.f_code))
             sys.settrace(lambda frame, *_: codes.add(frame.f_code))
         try:
             return (yield)
         finally:
+            threading.settrace(None)
             sys.settrace(None)
             signal.alarm(0)
             package = f"{Path.cwd()}/dicedesign/"

@@ -121,8 +121,6 @@ class _Guard:
                 app = PlainTextResponse("Open the address that dicedesign printed.\n", 403)
             elif int(length) > MAX_BODY_BYTES:
                 app = PlainTextResponse("The file is too large.\n", 413)
-        elif scope["type"] != "lifespan":
-            return
         await app(scope, receive, send_with_headers)
 
 
