@@ -15,16 +15,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from common.inline_executor import Inline, Lossy
 from common.parsed_html import parse_page
 from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.results.folder import read_result
 from dicedesign.runtime import workers
 from dicedesign.sweep.dice import MAX_FOLDER_NAME, combine
 from dicedesign.sweep.dice_set import set_recipes
-from dicedesign.sweep.ranking import pareto_front, rank_rows
+from dicedesign.sweep.ranking import _read_parts, pareto_front, rank_rows
 
 SETTINGS = ("--seeds=2", "--set=size_mm=20,25")
 
@@ -246,6 +249,18 @@ def test_long_names_of_folders_are_cut(recipe_path: Path) -> None:
     assert len({first, *others}) == 3
     (name,) = set_recipes([":".join(map(str, range(1, 26)))], {})
     assert len(name) == MAX_FOLDER_NAME
+
+
+def test_labels_of_a_concave_die_are_off_its_plain_surface(concave_die: Path) -> None:
+    result, depth = read_result(concave_die), EngravingOptions().depth_mm
+    (die,) = _read_parts(result, depth)
+    assert die.labels is not None
+    plain = trimesh.load(result.plain_file)
+    middles = die.points[die.triangles].mean(axis=1)
+    _, distances, _ = trimesh.proximity.closest_point_naive(plain, middles)
+    assert die.labels[distances > 0.9 * depth].all()
+    assert not die.labels[distances < 1e-3 * depth].any()
+    assert 0 < die.labels.sum() < len(die.labels)
 
 
 def make_rows(seed: int) -> list[dict[str, Any]]:
