@@ -21,6 +21,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator
@@ -32,54 +33,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from tests.common.mutants import Mutant, pick
+from tests.common.mutants import EQUIVALENT, Mutant, pick
 from tests.common.paths import ROOT
-
-EQUIVALENT = {
-    (
-        "rest/basins.py",
-        "if not (gap <= CLOSURE_TOLERANCE and (areas > -CLOSURE_TOLERANCE).all()):",
-        "areas > -CLOSURE_TOLERANCE -> (areas >= -CLOSURE_TOLERANCE)",
-    ): "rounded areas are not at the bound",
-    (
-        "rest/equilibria.py",
-        "inside = self.side_sign > 0",
-        "self.side_sign > 0 -> (self.side_sign >= 0)",
-    ): "signs are 1 or -1",
-    (
-        "rest/morse.py",
-        "SHORT_ARC = 1e-24",
-        "1e-24 -> (1e-21)",
-    ): "arcs this short are their chords within rounding",
-    ("rest/poses.py", "return self", "return self -> pass"): "they would be computed again",
-    (
-        "gradient/body_function.py",
-        "if any(row is None for row in rows):",
-        "any -> all",
-    ): "of one body, all rows are missing or none",
-    (
-        "balance/balanced.py",
-        "tolerance: float = 0.005,",
-        "0.005 -> (0.01)",
-    ): "goals without probabilities do not use it, others are given another",
-    (
-        "balance/cavity.py",
-        "shifts.append((moment - moments[order[:most]].sum(axis=0)) / left[most])",
-        "most -> (most + 1)",
-    ): "one cell of a coarse grid",
-    (
-        "balance/ways.py",
-        "for place in order[fits[order]][:MAX_TRIED]:",
-        "MAX_TRIED -> (MAX_TRIED + 1)",
-    ): "bound of the effort",
-    (
-        "recipe/reading.py",
-        'if re.search(r":\\s", lines[number][: mark.column]):',
-        "mark.column -> (mark.column + 1)",
-    ): "the next character is the colon, without the space after it",
-    ("batch/batch.py", "return 0, 0", "0 -> (1)"): "no file has this time either",
-}
-"""Reasons why mutants change nothing that a user could see, by file, line and change."""
 
 LONGEST_TEST = 15
 """Seconds after which a test of the unchanged package is stopped and not used."""
@@ -153,10 +108,12 @@ class Watch:
         self.outcomes, codes, started = set(), set[CodeType](), time.perf_counter()
         if self.wanted is None:
             signal.alarm(LONGEST_TEST)
+            threading.settrace(lambda frame, *_: codes.add(frame.f_code))
             sys.settrace(lambda frame, *_: codes.add(frame.f_code))
         try:
             return (yield)
         finally:
+            threading.settrace(None)
             sys.settrace(None)
             signal.alarm(0)
             package = f"{Path.cwd()}/dicedesign/"

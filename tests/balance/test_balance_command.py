@@ -11,6 +11,7 @@ import trimesh
 from common.bodies import box, write_mesh
 from PIL import Image
 
+from dicedesign import read_body, rest_poses
 from dicedesign.cli.main import main
 
 
@@ -37,6 +38,8 @@ def test_a_goal_that_is_reached(
     assert pose["probabilities"] > pose["before"]
     np.testing.assert_allclose(pose["normal"], [0.96, 0.0, -0.28], atol=1e-6)
     assert f"{100.0 * pose['probabilities']:.4f} %" in said.out
+    others = rest_poses(read_body(out / "balanced.stl")).probabilities[1:]
+    assert f"next pose {100.0 * others[0]:.1f} %" in said.out
     with Image.open(out / "balanced_balance.png") as picture:
         assert min(picture.size) > 500
 

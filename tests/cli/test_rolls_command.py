@@ -63,6 +63,9 @@ def test_as_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "does not meet its target (off_target)" in err
     assert "exact multinomial test, as some outcomes are rare: p = 0.86" in out
     assert "do not reject these probabilities at the level 0.1" in out
+    verdict = run_json(capsys, die, throws, "--confidence", "0.9")
+    assert verdict["throws_to_reject"] > verdict["throws"] == 17
+    assert f"{verdict['throws_to_reject'] - 17} more throws would reject" in out
     one = finished_run(tmp_path / "one", ["1"], [1.0])
     assert main(["rolls", str(one), str(throws)]) == 2
     assert "expected a die with at least 2 outcomes, got 1" in capsys.readouterr().err
@@ -158,6 +161,19 @@ def test_a_wrong_line_is_refused(
     assert main(["rolls", str(die), "--log", str(log)]) == 2
     assert "stdin, line 2: roll: expected a label of the die" in capsys.readouterr().err
     assert log.read_text().split() == ["label", *"5467"]
+
+
+def test_an_empty_line_at_a_terminal_shows_the_whole_verdict(
+    die: Path, log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one that is printed at the end; other lines get a sentence."""
+    monkeypatch.setattr(sys, "stdin", Terminal(log, "5 6\n\n"))
+    assert main(["rolls", str(die), "--log", str(log)]) == 0
+    out, err = capsys.readouterr()
+    _, sentence, whole, _ = err.split("> ")
+    assert len(sentence.splitlines()) == 1 < len(whole.splitlines())
+    assert whole.strip() in out
+    assert sentence.strip() not in out
 
 
 def test_no_throw_is_typed(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ from common.finished import box_file, finished_run
 from common.kernels import compiled_only
 from scipy import stats
 
+from dicedesign.cli import throws
 from dicedesign.cli.main import main
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.rest.outcomes import asymmetry
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.momentum_probabilities import throw_probabilities
+from dicedesign.throws.simulation import Throws
 from dicedesign.throws.tables import Table, load_table
 
 pytestmark = compiled_only
@@ -62,6 +65,32 @@ def test_frequencies_beside_probabilities(box: Path, capsys: pytest.CaptureFixtu
         "p_value": pytest.approx(expected.pvalue),
     }
     assert result["asymmetry"] == asymmetry(poses)
+
+
+def test_rests_that_few_throws_or_none_reach(
+    box: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A rest without a throw counts; without any throw that comes to rest nothing is compared."""
+    few = ["throw", str(box), "--drops", "3", "--jobs", "1", "--json"]
+    assert main(few) == 0
+    result = json.loads(capsys.readouterr().out)
+    rests = result["rests"]
+    assert min(rest["count"] for rest in rests) == 0
+    deviation = sum(abs(rest["frequency"] - rest["geometric"]) for rest in rests) / 2
+    assert result["total_variation"]["value"] == pytest.approx(deviation)
+    simulated = throws.simulate
+
+    def end_on_no_facet(*given: Any, **options: Any) -> Throws:
+        return replace(simulated(*given, **options), outcomes=np.full(3, -1))
+
+    monkeypatch.setattr(throws, "simulate", end_on_no_facet)
+    assert main(few) == 1
+    out, err = capsys.readouterr()
+    result = json.loads(out)
+    assert result["unresolved"] == result["drops"] == 3
+    assert result["total_variation"] is result["chi_square"] is None
+    assert {rest["frequency"] for rest in result["rests"]} == {None}
+    assert "none of 3 drops came to rest" in err
 
 
 def test_as_a_table(box: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -41,6 +41,103 @@ NAMES |= {after: before for before, after in NAMES.items()}
 LAST_AXIS = ast.dump(ast.UnaryOp(ast.USub(), ast.Constant(1)))
 """As an argument, -1 is the last axis, often the only one of its kind."""
 
+EQUIVALENT = {
+    (
+        "rest/basins.py",
+        "if not (gap <= CLOSURE_TOLERANCE and (areas > -CLOSURE_TOLERANCE).all()):",
+        "areas > -CLOSURE_TOLERANCE -> (areas >= -CLOSURE_TOLERANCE)",
+    ): "rounded areas are not at the bound",
+    (
+        "rest/equilibria.py",
+        "inside = self.side_sign > 0",
+        "self.side_sign > 0 -> (self.side_sign >= 0)",
+    ): "signs are 1 or -1",
+    (
+        "rest/morse.py",
+        "SHORT_ARC = 1e-24",
+        "1e-24 -> (1e-21)",
+    ): "arcs this short are their chords within rounding",
+    ("rest/poses.py", "return self", "return self -> pass"): "they would be computed again",
+    (
+        "gradient/body_function.py",
+        "if any(row is None for row in rows):",
+        "any -> all",
+    ): "of one body, all rows are missing or none",
+    (
+        "balance/balanced.py",
+        "tolerance: float = 0.005,",
+        "0.005 -> (0.01)",
+    ): "goals without probabilities do not use it, others are given another",
+    (
+        "balance/cavity.py",
+        "shifts.append((moment - moments[order[:most]].sum(axis=0)) / left[most])",
+        "most -> (most + 1)",
+    ): "one cell of a coarse grid",
+    (
+        "balance/ways.py",
+        "for place in order[fits[order]][:MAX_TRIED]:",
+        "MAX_TRIED -> (MAX_TRIED + 1)",
+    ): "bound of the effort",
+    (
+        "recipe/reading.py",
+        'if re.search(r":\\s", lines[number][: mark.column]):',
+        "mark.column -> (mark.column + 1)",
+    ): "the next character is the colon, without the space after it",
+    ("batch/batch.py", "return 0, 0", "0 -> (1)"): "no file has this time either",
+    (
+        "scenes/picture.py",
+        "MAX_FLAT_TRIANGLES = 400",
+        "400 -> (401)",
+    ): "a choice of looks, between coarse meshes and fine ones",
+    (
+        "sweep/dice.py",
+        "MAX_FOLDER_NAME = 60",
+        "60 -> (61)",
+    ): "any length far below that of file systems",
+    (
+        "geometry/surfaces/grid_surface.py",
+        "MAX_PLACES = 200_000",
+        "200000 -> (200001)",
+    ): "size of blocks",
+    (
+        "concave/complementarity.py",
+        "fewest, patience = count + 1, MAX_FAILED_PIVOTS",
+        "1 -> (2)",
+    ): "more than there can be, either way",
+    (
+        "optimize/starts/search.py",
+        "distances[0] *= np.exp(-rng.uniform(0.0, NEARNESS))",
+        "distances[0] *= np.exp(-rng.uniform(0.0, NEARNESS)) -> "
+        "distances[0] /= np.exp(-rng.uniform(0.0, NEARNESS))",
+    ): "other random shapes, whose probabilities are as uneven",
+    (
+        "throws/transition_features.py",
+        "ENERGY_SOFTENING = 0.02",
+        "0.02 -> (0.04)",
+    ): "moves probabilities by 1e-4, a hundredth of the model's error",
+    (
+        "report/gauss_map.py",
+        "edges = np.flatnonzero(np.arange(len(hull.tail)) < hull.twin)",
+        "np.arange(len(hull.tail)) < hull.twin -> (np.arange(len(hull.tail)) <= hull.twin)",
+    ): "no half-edge is its own twin",
+    (
+        "runtime/outputs.py",
+        "MAX_LIST_BYTES = 1 << 28",
+        "28 -> (29)",
+    ): "lists have kilobytes",
+    (
+        "runtime/outputs.py",
+        "MAX_NAMED = 5",
+        "5 -> (6)",
+    ): "one more name in a message",
+    (
+        "runtime/outputs.py",
+        'return ", ".join(names[:MAX_NAMED]) + ", ..." * (len(names) > MAX_NAMED)',
+        "MAX_NAMED -> (MAX_NAMED + 1)",
+    ): "one more name in a message",
+}
+"""Reasons why mutants change nothing that a user could see, by file, line and change."""
+
 
 class Mutant(NamedTuple):
     """One change of a file: `text` in place of the characters from `start` to `end`.

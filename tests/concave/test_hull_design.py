@@ -30,6 +30,7 @@ from dicedesign.concave.hull_problem import (
     CORNERS,
     HANDLES,
     KERNEL_CONSTANT,
+    SAMPLES,
     DesignedHull,
     Elasticity,
     HeldCorners,
@@ -116,6 +117,19 @@ def test_the_displacement_is_measured_after_alignment() -> None:
     expected = np.sqrt((distances**2).mean())
     assert fine_problem().displacement(moved) == pytest.approx(expected, rel=1e-3)
     assert fine_problem().mean_displacement(moved) == pytest.approx(distances.mean(), rel=1e-3)
+
+
+def test_a_turned_and_enlarged_surface_is_displaced_little() -> None:
+    """Also where samples stand for several points each: linear displacements of the corners are
+    interpolated to a percent."""
+    surface = unit(bumpy_sphere(3))
+    assert len(surface.points) > SAMPLES
+    problem = HullProblem(surface, np.array([0.5, 0.5]), 0.004, coarse=True)
+    arms = problem.hull.vertices - surface.centroid
+    for moved in (np.cross([1.0, 2.0, 3.0], arms), arms):
+        size = np.sqrt((moved**2).sum(axis=1).mean()) / surface.diagonal
+        assert problem.displacement(moved) < 0.02 * size
+        assert problem.mean_displacement(moved) < 0.02 * size
 
 
 def test_cavities_shift_the_center_where_the_surface_moves_least() -> None:

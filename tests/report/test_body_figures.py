@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from common.drawings import is_whole, pictures, words
+from common.drawings import is_whole, pictures, pixels, words
 from common.finished import finished_box
 from common.made_up_die import run_to_check, run_to_design
 from matplotlib.patches import Patch
@@ -29,6 +29,7 @@ from dicedesign.palette import outcome_colors, rgb, text_color
 from dicedesign.recipe.output import make_finished_die
 from dicedesign.recipe.pipeline import Work, run_stages
 from dicedesign.report import solid_figures
+from dicedesign.report.paper import PAGE_WIDTH
 from dicedesign.report.renderer import RenderMesh
 from dicedesign.report.sheet import Sheet
 from dicedesign.report.solid_figures import (
@@ -243,10 +244,19 @@ def test_each_outcome_is_shown_lying_and_from_below(count: int) -> None:
     hues -= hues.mean(axis=1, keepdims=True)
     for k, p in enumerate(die.plain.outcomes.probabilities):
         assert f"${k}$: {100.0 * p:.2f} %" in shown
-        pixels = shown[f"${k}$: underside"].reshape(-1, 3).astype(float)
-        spread = np.ptp(pixels, axis=1)
-        colored = pixels[spread > 0.7 * spread.max()].mean(axis=0)
+        underside = shown[f"${k}$: underside"].reshape(-1, 3).astype(float)
+        spread = np.ptp(underside, axis=1)
+        colored = underside[spread > 0.7 * spread.max()].mean(axis=0)
         assert int(np.argmax(hues @ (colored - colored.mean()) / norms(hues))) == k
+
+
+def test_three_outcomes_fill_the_width_of_a_report() -> None:
+    mesh = dumbbell()
+    die = reshaped_die(mesh.vertices, mesh.faces, 7.0 * np.eye(3))
+    drawn = pixels(rests(die, width=PAGE_WIDTH))
+    fifths = np.array_split(drawn.min(axis=(0, 2)), 5)
+    assert fifths[0].min() < 200
+    assert fifths[-1].min() < 200
 
 
 def test_intersecting_triangles_are_red() -> None:

@@ -25,6 +25,7 @@ from dicedesign.report.bar_charts import (
     table_probabilities,
 )
 from dicedesign.report.curve_charts import hands, history, rounds, trade_off
+from dicedesign.report.figures import FIGURES
 from dicedesign.report.sheet import Sheet
 from dicedesign.results.parts import (
     Draft,
@@ -226,6 +227,10 @@ def test_rounds_against_all_throws_so_far() -> None:
         drawn["a perfect die"], [[1000, 0.02], [2500, 0.016], [14845, 0.0123]]
     )
     assert is_whole(sheet)
+    # Each die that was thrown in rounds has the figure.
+    dice = [finished_box(thrown=table_result(number)) for number in range(3)]
+    assert [FIGURES["rounds"].wanted(die) for die in dice] == [False, True, True]
+    assert is_whole(rounds(dice[1].result))
 
 
 def test_hands_against_the_energy_of_their_throws() -> None:

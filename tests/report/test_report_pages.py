@@ -173,12 +173,14 @@ def attempts(drafts: tuple[Draft, ...], attempt: int | None = None) -> list[str]
 
 
 def test_the_best_attempts_are_listed_and_the_die_first() -> None:
-    """Even attempts have the probabilities, the larger the number the farther they were moved; the
-    third has become the die."""
+    """Even attempts have the probabilities to the tolerance, the larger the number the farther they
+    were moved; the third has become the die."""
     drafts = tuple(
         Draft(k, 1.5, 0.1, 0.01 * k, 50.0, 12.0, 0)
         if k % 2
-        else Draft(k, None if k == 2 else 1.5, 0.001, 0.01 * k, 50.0, 12.0, 0, 0.01)
+        else Draft(
+            k, None if k == 2 else 1.5, 0.001 + 0.001 * (k % 4 == 0), 0.01 * k, 50.0, 12.0, 0, 0.01
+        )
         for k in range(1, 31)
     )
     listed, columns = attempts(drafts, 3), 9

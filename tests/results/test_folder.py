@@ -10,12 +10,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from common.finished import finished_result
 
 from dicedesign.errors import InputError, OutputError
 from dicedesign.recipe.pipeline import run
 from dicedesign.results.folder import open_results_folder, write_results
+from dicedesign.runtime.checkpoint import Checkpoint
 
 
 def fail_in_folder(folder: Path, fault: BaseException, *names: str) -> None:
@@ -34,6 +36,22 @@ def test_empty_folders_are_removed_after_errors(tmp_path: Path, fault: BaseExcep
     with pytest.raises(type(fault)):
         fail_in_folder(folder, fault, "checkpoint.npz")
     assert (folder / "checkpoint.npz").exists()
+
+
+def test_a_checkpoint_of_a_run_may_be_there_and_a_file_of_its_name_may_not(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.npz"
+    checkpoint = Checkpoint(path)
+    checkpoint.add("throws", [np.zeros(3)])
+    checkpoint.save()
+    with open_results_folder(tmp_path, ["checkpoint.npz"]):
+        pass
+    path.write_bytes(b"mine")
+    with (
+        pytest.raises(InputError, match=r"checkpoint\.npz"),
+        open_results_folder(tmp_path, ["checkpoint.npz"]),
+    ):
+        pass
+    assert path.read_bytes() == b"mine"
 
 
 class Interrupting(dict[str, bytes]):

@@ -5,12 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import trimesh
 from common.inline_executor import Inline, Lossy
+from trimesh.visual.material import PBRMaterial
 
+from dicedesign.geometry.meshes.body import body_of
 from dicedesign.scenes import posing
-from dicedesign.scenes.posing import PoseChoice, PoseJob, PoseResult, write_each, write_poses
+from dicedesign.scenes.posing import (
+    PoseChoice,
+    PoseJob,
+    PoseResult,
+    load_scene,
+    write_each,
+    write_poses,
+)
 
 
 def succeed(jobs: list[PoseJob], choice: PoseChoice) -> list[PoseResult]:
@@ -52,3 +62,17 @@ def test_each_file_is_written_or_has_an_error(tmp_path: Path) -> None:
     assert "bad.stl: expected a .stl file" in results[0].error
     assert results[1].rests == 6
     assert [path.name for path in tmp_path.glob("*.obj")] == ["good.obj"]
+
+
+def test_a_scene_has_the_shape_that_was_read(tmp_path: Path) -> None:
+    """It has the materials of a file only where trimesh reads that shape, too."""
+    path, box = tmp_path / "red.glb", trimesh.creation.box((1e-3, 2e-3, 3e-3))
+    material = PBRMaterial(name="red", baseColorFactor=[255, 0, 0, 255])
+    box.visual = trimesh.visual.TextureVisuals(material=material)
+    box.export(path)
+    for factor in (1.0, 1.1):
+        body = body_of(trimesh.Trimesh(factor * box.vertices, box.faces))
+        scene = load_scene(path, body)
+        np.testing.assert_allclose(scene.extents, factor * box.extents, rtol=1e-6)
+        (mesh,) = scene.geometry.values()
+        assert (getattr(mesh.visual, "material", None) is not None) == (factor == 1.0)

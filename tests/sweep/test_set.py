@@ -61,6 +61,11 @@ def test_the_plate_has_the_dice_apart_and_flat_on_the_bed(folder: Path) -> None:
     np.testing.assert_allclose(boxes[:, 0, 2], 0.0, atol=1e-5)
     assert (boxes[:, 0, :2] > 0.0).all()
     assert (boxes[:, 1] < bed).all()
+    # They have room in one row, in the middle of the bed.
+    middles = boxes[:, :, :2].mean(axis=1)
+    np.testing.assert_allclose(middles[:, 1], bed[1] / 2.0, atol=1e-3)
+    ends = boxes[:, 0, 0].min(), boxes[:, 1, 0].max()
+    assert np.mean(ends) == pytest.approx(bed[0] / 2.0, abs=1e-3)
     for (low, high), (other_low, other_high) in combinations(boxes, 2):
         assert (np.maximum(low, other_low) - np.minimum(high, other_high)).max() > 4.9
     for body in scene.dump():

@@ -15,15 +15,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from common.inline_executor import Inline, Lossy
 from common.parsed_html import parse_page
 from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
+from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.results.folder import read_result
 from dicedesign.runtime import workers
-from dicedesign.sweep.dice import combine
-from dicedesign.sweep.ranking import pareto_front, rank_rows
+from dicedesign.sweep.dice import MAX_FOLDER_NAME, combine
+from dicedesign.sweep.dice_set import set_recipes
+from dicedesign.sweep.ranking import _read_parts, pareto_front, rank_rows
 
 SETTINGS = ("--seeds=2", "--set=size_mm=20,25")
 
@@ -218,6 +222,29 @@ def test_commas_in_brackets_and_quotes(recipe_path: Path) -> None:
     assert len({die.recipe.name for die in dice.values()}) == len(dice) == 4
 
 
+def test_long_names_of_folders_are_cut(recipe_path: Path) -> None:
+    """They differ nevertheless."""
+    labels = ["x" * 20, "y" * 20, "z" * 20]
+    choices = ",".join(f"[{','.join(labels)},{last}]" for last in "abc")
+    first, *others = combine(recipe_path, [f"target.labels={choices}"])
+    assert len(first) == MAX_FOLDER_NAME
+    assert len({first, *others}) == 3
+    (name,) = set_recipes([":".join(map(str, range(1, 26)))], {})
+    assert len(name) == MAX_FOLDER_NAME
+
+
+def test_labels_of_a_concave_die_are_off_its_plain_surface(concave_die: Path) -> None:
+    result, depth = read_result(concave_die), EngravingOptions().depth_mm
+    (die,) = _read_parts(result, depth)
+    assert die.labels is not None
+    plain = trimesh.load(result.plain_file)
+    middles = die.points[die.triangles].mean(axis=1)
+    _, distances, _ = trimesh.proximity.closest_point_naive(plain, middles)
+    assert die.labels[distances > 0.9 * depth].all()
+    assert not die.labels[distances < 1e-3 * depth].any()
+    assert 0 < die.labels.sum() < len(die.labels)
+
+
 def make_rows(seed: int) -> list[dict[str, Any]]:
     """Rows with random measures and ties, some of them not converged."""
     rng = np.random.default_rng(seed)
@@ -253,3 +280,18 @@ def test_the_order_and_the_front_against_brute_force(seed: int) -> None:
         beaten = any(r >= radius and m >= margin and (r, m) != (radius, margin) for r, m in points)
         assert row["on_front"] == (not beaten)
     assert pareto_front(np.ones((2, 3))).tolist() == [True, True]
+
+
+def test_a_die_without_a_facet_for_each_label_comes_last() -> None:
+    """Its measures, of which it has none, count as 0."""
+    measures = {"none": (None, None), "small": (0.5, 0.5), "narrow": (0.25, 0.75)}
+    rows: list[dict[str, Any]] = [
+        {"name": name, "inradius_mm": radius, "margin_deg": margin}
+        for name, (radius, margin) in measures.items()
+    ]
+    ranked = rank_rows([{**row, "status": "converged", "max_abs_error": 0.0} for row in rows])
+    assert [(row["name"], row["on_front"]) for row in ranked] == [
+        ("small", True),
+        ("narrow", True),
+        ("none", False),
+    ]

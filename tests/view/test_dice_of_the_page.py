@@ -11,17 +11,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from common.kernels import compiled_only
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 
 import dicedesign as dd
 from dicedesign.geometry.meshes.reading import read_body
 from dicedesign.geometry.triangles import Surface
-from dicedesign.recipe.pipeline import run
+from dicedesign.recipe.pipeline import Work, run, run_stages
+from dicedesign.recipe.reading import parse_recipe
 from dicedesign.rest.poses import rest_poses
 from dicedesign.throws.goodness_of_fit import chi_square
 from dicedesign.view.dice import Recent, Shop, Stopped
+from dicedesign.view.meshes import die_mesh
 
 TARGET = {"text": "1/2, 1/3, 1/6"}
 PROBABILITIES = [1 / 2, 1 / 3, 1 / 6]
@@ -93,6 +97,28 @@ def test_what_is_shown_is_what_is_saved(
         assert set(top.tolist()) & {rest["outcome"], rest["outcome"] | 128}
         assert not {code & 63 for code in top.tolist()} & {0, 1, 2} - {rest["outcome"]}
     assert (codes >= 128).any()
+    # Edges are all that is parallel to no facet and lies on the hull; labels are below or above it.
+    is_edge = codes == 63
+    normals = trimesh.Trimesh(surface.points, surface.triangles, process=False).face_normals
+    assert is_edge.any() == ("edges" in dress)
+    flatness = (normals @ poses.normals.T).max(axis=1)
+    assert (flatness[is_edge] < 0.9999).all()
+    hull = ConvexHull(surface.points).equations
+    depths = -(middles @ hull[:, :3].T + hull[:, 3]).max(axis=1)
+    assert (depths[is_edge] < 0.1).all()
+
+
+def test_flat_sides_without_an_outcome_are_no_edges() -> None:
+    """A d3 has six ends on which it does not rest."""
+    recipe = {"name": "d3", "target": {"fair": 3}, "faces": "one", "start": {"prism": {}}}
+    work = Work(parse_recipe({**recipe, "edges": {"radius_mm": 1.0}, "engrave": False}))
+    run_stages(work, last="throws")
+    mesh, sides = die_mesh(work), work.plain.poses.hull.normals
+    normals = trimesh.Trimesh(mesh.points, mesh.triangles, process=False).face_normals
+    is_flat, side = (normals @ sides.T).max(axis=1) > 0.9999, np.argmax(normals @ sides.T, axis=1)
+    np.testing.assert_array_equal(mesh.codes == 63, ~is_flat)
+    shown = {int(k): set(mesh.codes[is_flat & (side == k)].tolist()) for k in range(len(sides))}
+    assert sorted(map(sorted, shown.values())) == [[0], [1], [2], *[[62]] * 6]
 
 
 def test_a_recipe_makes_the_die_again(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import trimesh
 from common.finished import box_file
 
 import dicedesign as dd
+from dicedesign.results.result import RESULT
 from dicedesign.view.sources import open_source
 from dicedesign.view.viewed_body import MAX_DRAWN_TRIANGLES, decimate
 
@@ -43,6 +45,13 @@ def test_a_finished_die_has_its_labels_and_probabilities(tmp_path: Path, engrave
         [row.probability for row in viewed.rows][:4], probabilities, atol=1e-9
     )
     np.testing.assert_allclose([row.target for row in viewed.rows][:4], [0.1, 0.2, 0.3, 0.4])
+    # Where the file with labels is missing, the plain one is shown.
+    plain = replace(result, files={"die_plain": result.files["die_plain"]})
+    (tmp_path / "d4" / RESULT).write_text(plain.json_text())
+    viewed = open_source(tmp_path / "d4").load("d4", print)
+    np.testing.assert_allclose(
+        [row.probability for row in viewed.rows][:4], result.probabilities, atol=1e-9
+    )
 
 
 def test_a_recipe_is_designed_with_progress(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from common.kernels import compiled_only, without_kernels
 
 from dicedesign.errors import DegenerateBodyError
 from dicedesign.geometry.meshes.body import (
+    body_of,
     distinct_triangles,
     is_rounded,
     make_body,
@@ -16,7 +17,7 @@ from dicedesign.geometry.meshes.body import (
     resolve_center_of_mass,
     shells_of,
 )
-from dicedesign.geometry.triangles import is_closed
+from dicedesign.geometry.triangles import Surface, is_closed
 from dicedesign.runtime.arrays import Integers
 
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -220,3 +221,16 @@ def test_closed_and_nearly_closed_patches_are_turned_outward() -> None:
     wanted = np.concatenate([OUTWARD, OUTWARD + count, OUTWARD[2:] + 2 * count])
     assert rows(turned) == rows(wanted)
     assert is_closed(turned[: 2 * len(OUTWARD)])
+
+
+@pytest.mark.parametrize(
+    ("body", "name"),
+    [
+        (Surface(np.array(CORNERS, dtype=np.float64), np.array(TETRAHEDRON)), "mesh"),
+        (trimesh.Trimesh(CORNERS, TETRAHEDRON), "mesh"),
+        (CORNERS, "points"),
+    ],
+)
+def test_messages_about_a_body_have_its_name(body: object, name: str) -> None:
+    assert body_of(body).name == name
+    assert body_of(body, "duck").name == body_of(body_of(body, "duck"), "swan").name == "duck"

@@ -55,6 +55,8 @@ def test_a_part_of_zero_density_is_a_cavity_and_one_of_equal_density_has_no_effe
     assert even is not None
     np.testing.assert_allclose(hollow.center_of_mass, [-1.0 / 15.0, 0, 0], atol=1e-14)
     assert hollow.mass == pytest.approx(30.0, rel=1e-14)
+    assert hollow.volume == pytest.approx(15.0, rel=1e-14)
+    assert even.volume == pytest.approx(16.0, rel=1e-14)
     np.testing.assert_allclose(even.center_of_mass, 0.0, atol=1e-14)
     np.testing.assert_allclose(even.inertia, box_inertia(SIDES), atol=1e-13)
 

@@ -50,6 +50,19 @@ def test_outcomes_have_the_target_set_down_and_thrown(
     np.testing.assert_allclose(die.normals[: faces // 2], -die.normals[faces // 2 :])
 
 
+def test_rare_outcomes_are_reached_by_shortened_steps() -> None:
+    """Faces of a hundredth each turn over their edges, where whole steps lead past the target."""
+    target = np.array([100.0, 1.0, 1.0]) / 102.0
+    shared = share_faces(target, 12)
+    die = solve_outcome_sums(target, shared.outcome, weighted_code(shared.shares, 2), BOARD_GAME)
+    assert die is not None
+    assert die.error < 1e-9
+    poses = rest_poses(die.hull.vertices)
+    face = np.argmax(poses.normals @ die.normals.T, axis=1)
+    sums = np.bincount(shared.outcome[face], poses.probabilities)
+    np.testing.assert_allclose(sums, target, atol=1e-9)
+
+
 def test_slopes_agree_with_difference_quotients() -> None:
     """At a shape with short edges, and feet of the center near the ends of edges."""
     target = np.array([0.5, 0.3, 0.2])
