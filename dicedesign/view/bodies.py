@@ -123,6 +123,11 @@ class Bodies:
                     f"hull: expected at most {MAX_DRAGGED_CORNERS:,} corners to drag, got "
                     f"{len(corners):,}; take a simpler body"
                 )
+            if not ((vertices >= 0) & (vertices < len(corners))).all():
+                raise InputError(
+                    f"vertices: expected corners from 0 to {len(corners) - 1}, got "
+                    f"{vertices.tolist()}; reload the page"
+                )
             viewed = viewed.with_vertices(vertices, corners[vertices] + np.array(query["by"]))
         return self._keep(viewed, state.mesh, state.opened) | {"note": note}
 

@@ -74,6 +74,14 @@ def test_changes_have_the_probabilities_of_the_model(bodies: Bodies, box: dict[s
     np.testing.assert_allclose(values(uniform), values(box), atol=1e-12)
 
 
+@pytest.mark.parametrize("corner", [-1, 8])
+def test_a_corner_that_is_not_there_is_refused(
+    bodies: Bodies, box: dict[str, Any], corner: int
+) -> None:
+    with pytest.raises(dd.InputError, match="vertices"):
+        bodies.change({"state": box["state"], "vertices": [corner], "by": [0.1, 0.0, 0.0]})
+
+
 def test_a_long_drag_leaves_what_it_began_with(bodies: Bodies, box: dict[str, Any]) -> None:
     other = bodies.open({"name": "box.obj"})
     first, latest = bodies.change({"state": box["state"], "uniform": True}), box
