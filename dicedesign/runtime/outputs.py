@@ -92,7 +92,7 @@ def check_folder(
 
 
 def check_files(
-    paths: Iterable[Path], inputs: Iterable[Path], *, overwrite: bool = False, option: str = "--out"
+    paths: Iterable[Path], inputs: Iterable[Path], *, overwrite: bool, option: str
 ) -> None:
     """Raise InputError if files to write are there already, or are inputs, also by a link.
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
+import importlib
 import io
 import json
 import os
 import re
 import struct
+import sys
 import zipfile
 from pathlib import Path
 
@@ -18,7 +20,7 @@ import trimesh
 from common.paths import public_data
 
 from dicedesign.errors import DegenerateBodyError, MeshFileError
-from dicedesign.geometry.meshes.reading import read_body, stl_bytes
+from dicedesign.geometry.meshes.reading import quiet_trimesh, read_body, stl_bytes
 from dicedesign.geometry.triangles import Surface, is_closed, solid_properties
 from dicedesign.rest.poses import rest_poses
 
@@ -503,3 +505,16 @@ def test_triangles_that_vanish_in_float32_leave_the_solid_closed():
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.volume == pytest.approx(20 * 30 * 40 / 6)
+
+
+def test_trimesh_neither_loads_manifold3d_nor_takes_it_from_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    manifold3d = importlib.import_module("manifold3d")
+    with quiet_trimesh():
+        assert importlib.import_module("manifold3d") is manifold3d
+    assert sys.modules["manifold3d"] is manifold3d
+    monkeypatch.delitem(sys.modules, "manifold3d")
+    with quiet_trimesh(), pytest.raises(ImportError):
+        importlib.import_module("manifold3d")
+    assert "manifold3d" not in sys.modules
