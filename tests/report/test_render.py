@@ -121,3 +121,13 @@ def test_slivers_between_parts_of_a_plane_have_no_outlines(
     picture = render(RenderMesh(points, triangles, smooth=False), FRONT, 120)
     middle = picture[60, 30:90, 0].astype(int)
     assert (middle.min() < 0.6 * np.median(middle)) == is_outlined
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_step_between_parallel_faces_is_outlined(smooth: bool) -> None:
+    """On both sides: also on the upper square, which no recess darkens; its edges are half a unit
+    from the middle, at pixels 40 and 80."""
+    points = np.concatenate([square(0.0), square(0.5) * [0.5, 0.5, 1.0]])
+    surface = RenderMesh(points, np.concatenate([HALVES, HALVES + 4]), smooth=smooth)
+    row = render(surface, FRONT, 120)[60, :, 0]
+    assert row[[40, 79]].max() < 0.8 * row[44:76].min()
