@@ -111,11 +111,11 @@ OUTPUTS = ("out", "file", "figure", "log")
 """Arguments that name files to write."""
 
 
-def check_outputs(options: WithFiles, *paths: Path | None, option: str = "--out") -> None:
+def check_outputs(options: WithFiles, *paths: Path, option: str = "--out") -> None:
     """Raise InputError if files to write are there already, or are inputs.
 
-    options: of the command; what they name besides `OUTPUTS` is an input. paths: files to write,
-    None for none. option: that names them. Raises as `check_files`.
+    options: of the command; what they name besides `OUTPUTS` is an input. paths: files to write.
+    option: that names them. Raises as `check_files`.
     """
     inputs = []
     for field in fields(options):
@@ -125,8 +125,7 @@ def check_outputs(options: WithFiles, *paths: Path | None, option: str = "--out"
                 # Such as FILE:DENSITY and samples:FILE.
                 parts = (str(each), *re.split("[:=,]", str(each)))
                 inputs += [Path(part) for part in parts if part]
-    given = [path for path in paths if path is not None]
-    check_files(given, inputs, overwrite=options.overwrite, option=option)
+    check_files(paths, inputs, overwrite=options.overwrite, option=option)
 
 
 def print_files(paths: Iterable[Path]) -> None:

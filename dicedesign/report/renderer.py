@@ -206,8 +206,9 @@ def _surface_layer(
     for start in range(0, len(seen), CHUNK_SAMPLES):
         sample = seen[start : start + CHUNK_SAMPLES]
         triangle = triangle_of_pixel.ravel()[sample]
-        weights, is_front = _weights(corners, triangle, *np.divmod(sample, fine))
         normals = flat[triangle]
+        if surface.smooth or surface.colors is not None:
+            weights, is_front = _weights(corners, triangle, *np.divmod(sample, fine))
         if turned is not None:
             sides = np.where(is_front, 1.0, -1.0)[:, None]
             normals = _normalize(_mix(turned[triangle], weights) * sides)

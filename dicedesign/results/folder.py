@@ -28,7 +28,7 @@ from dicedesign.runtime.outputs import (
     MAX_LIST_BYTES,
     UNFINISHED,
     check_folder,
-    checksum,
+    checksums,
     is_file_name,
     replace_files,
 )
@@ -67,9 +67,9 @@ def write_results(folder: Path, files: Mapping[str, bytes], result: Result) -> R
     OutputError: a file cannot be removed or written.
     """
     with hold_interrupts("the results were complete by then"):
-        listed = {name: checksum(data) for name, data in files.items()}
-        result = dataclasses.replace(result, sha256=listed)
-        with replace_files(folder, files, RESULT, result.json_text().encode("utf-8")):
+        sums = checksums(files)
+        result = dataclasses.replace(result, sha256=sums)
+        with replace_files(folder, files, sums, RESULT, result.json_text().encode("utf-8")):
             pass
         remove_files(folder, [CHECKPOINT])
     return result

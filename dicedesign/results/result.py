@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import os
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
@@ -388,12 +387,14 @@ class Result:
     def changes(self) -> list[str]:
         """Files of the folder that are missing, or not as the run has written them, a sentence
         each."""
-        folder = self.folder
+        if self.folder is None:
+            return []
+        paths = {self.folder / name: listed for name, listed in self.sha256.items()}
         return [
-            f"{folder / name}: expected the file that the run has written, got "
-            f"{'another' if os.path.exists(folder / name) else 'none'}; run the recipe again"
-            for name, listed in ({} if folder is None else self.sha256).items()
-            if folder is not None and file_checksum(folder / name) != listed
+            f"{path}: expected the file that the run has written, got "
+            f"{'another' if path.exists() else 'none'}; run the recipe again"
+            for path, listed in paths.items()
+            if file_checksum(path) != listed
         ]
 
     @property

@@ -196,6 +196,7 @@ def _explain_failure(path: Path) -> Iterator[None]:
 
 
 def is_stream(path: Path) -> bool:
+    """Whether a path is a device or a pipe, also by a link."""
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:

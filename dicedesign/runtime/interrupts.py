@@ -58,7 +58,7 @@ def exit_code(code: int) -> int:
 def hold_interrupts(message: str) -> Iterator[None]:
     """Delay interrupts until the end of a short block.
 
-    message: message of the delayed KeyboardInterrupt. Does nothing in other threads, or for a
+    message: message of the delayed interrupt. Does nothing in other threads, or for a
     signal with another handler.
     """
     held: dict[int, Any] = {}
@@ -76,7 +76,7 @@ def hold_interrupts(message: str) -> Iterator[None]:
             signal.signal(number, before)
     if arrived:
         _received.extend(arrived)
-        raise KeyboardInterrupt(message)
+        raise Interrupt(message)
 
 
 @contextmanager

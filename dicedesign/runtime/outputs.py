@@ -42,6 +42,11 @@ def checksum(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
+def checksums(files: Mapping[str, bytes]) -> dict[str, str]:
+    """Checksums of contents by name, "sha256" in a list of files."""
+    return {name: checksum(data) for name, data in files.items()}
+
+
 def is_file_name(name: str) -> bool:
     """Whether a text is the name of a file within a folder: without separators, and no parent."""
     return name not in ("", ".", "..") and not set(name) & {"/", "\\", "\0"}
@@ -133,7 +138,7 @@ def _listed(names: Iterable[str]) -> str:
 
 @contextmanager
 def replace_files(
-    folder: Path, files: Mapping[str, bytes], name: str, data: bytes
+    folder: Path, files: Mapping[str, bytes], sums: Mapping[str, str], name: str, data: bytes
 ) -> Iterator[None]:
     """Replace the files of a list in a folder, and the list last; remove those that it no longer
     names.
@@ -145,26 +150,26 @@ def replace_files(
     Parameters
     ----------
     folder: existing folder.
-    files: contents by name.
-    name, data: of the list, one of `LISTS`, with "sha256".
+    files: contents by name; sums: their `checksums`.
+    name, data: of the list, one of `LISTS`, with these as "sha256".
 
     Raises
     ------
     InputError: a file of one of these names is not ours. OutputError: one cannot be written.
     """
     with hold_interrupts("the results were complete by then"):
-        same = [file for file in files if file_checksum(folder / file) == checksum(files[file])]
+        same = [file for file in files if file_checksum(folder / file) == sums[file]]
         check_folder(folder, [*files, name], own=same)
         before = own_files(folder, [name])
-        sums = {file: [before[file]] for file in before if file not in (name, UNFINISHED)}
-        for file, content in files.items():
-            sums.setdefault(file, []).append(checksum(content))
+        either = {file: [before[file]] for file in before if file not in (name, UNFINISHED)}
+        for file in files:
+            either.setdefault(file, []).append(sums[file])
         contents = {folder / file: content for file, content in files.items()}
         with stage_files({**contents, folder / name: data}):
-            unfinished = {folder / UNFINISHED: json_text({"sha256": sums}).encode()}
+            unfinished = {folder / UNFINISHED: json_text({"sha256": either}).encode()}
             with stage_files(unfinished):
                 pass
             remove_files(folder, [name])
             yield
-            remove_files(folder, sums.keys() - files.keys())
+            remove_files(folder, either.keys() - files.keys())
         remove_files(folder, [UNFINISHED])

@@ -30,7 +30,7 @@ from dicedesign.rest.poses import RestPoses
 from dicedesign.results.folder import open_results_folder
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import json_text
-from dicedesign.runtime.outputs import checksum, replace_files
+from dicedesign.runtime.outputs import checksums, replace_files
 from dicedesign.sweep.dice import MAX_FOLDER_NAME
 from dicedesign.sweep.ranking import PAGE, Row
 
@@ -128,9 +128,9 @@ def make_set(
             PLATE: three_mf(Contents(f"{len(dice)} dice", parts, is_plate=True)),
             PAGE: set_page(placed, dice, colored).encode("utf-8"),
         }
-        sums = {name: checksum(data) for name, data in files.items()}
+        sums = checksums(files)
         table = json_text({"size_mm": size_mm, "dice": dice, "sha256": sums}).encode("utf-8")
-        with replace_files(folder, files, TABLE, table):
+        with replace_files(folder, files, sums, TABLE, table):
             for work in works:
                 finish(work)
     return dice

@@ -20,7 +20,7 @@ from dicedesign.results.result import Result
 from dicedesign.runtime.arrays import Booleans, Floats
 from dicedesign.runtime.csv_cells import guard_cell
 from dicedesign.runtime.files import json_text
-from dicedesign.runtime.outputs import checksum, replace_files
+from dicedesign.runtime.outputs import checksums, replace_files
 from dicedesign.sweep.dice import Combination, made_die
 
 PAGE = "index.html"
@@ -153,9 +153,9 @@ def write_sweep(
         PAGE: sweep_page(title, ranked, keys, dice),
     }
     files = {name: text.encode("utf-8") for name, text in texts.items()}
-    sums = {name: checksum(data) for name, data in files.items()}
+    sums = checksums(files)
     listed = json_text({"name": title, "dice": ranked, "sha256": sums}).encode("utf-8")
-    with replace_files(folder, files, LIST, listed):
+    with replace_files(folder, files, sums, LIST, listed):
         pass
     return ranked
 
