@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from dicedesign.errors import InputError, OutputError
+from dicedesign.runtime.interrupts import hold_interrupts
 
 MAX_TEXT_BYTES = 1 << 24
 """Limit for files written by people: 16 MiB."""
@@ -251,10 +252,11 @@ def open_output_folder(folder: Path) -> Iterator[None]:
         make_writable_folder(folder)
         yield
     except BaseException:
-        for path in missing:
-            # It may not exist yet, or hold a checkpoint.
-            with contextlib.suppress(OSError, ValueError):
-                path.rmdir()
+        with hold_interrupts():
+            for path in missing:
+                # It may not exist yet, or hold a checkpoint.
+                with contextlib.suppress(OSError, ValueError):
+                    path.rmdir()
         raise
 
 
@@ -269,9 +271,10 @@ def make_writable_folder(folder: Path) -> None:
     probe = _partial_file(folder / "probe")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe.touch(exist_ok=False)
-        # The process that locks the folder may have removed it.
-        probe.unlink(missing_ok=True)
+        with hold_interrupts():
+            probe.touch(exist_ok=False)
+            # The process that locks the folder may have removed it.
+            probe.unlink(missing_ok=True)
         free = shutil.disk_usage(folder).free
     except (OSError, ValueError) as error:
         raise OutputError(

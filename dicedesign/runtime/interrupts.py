@@ -55,7 +55,7 @@ def exit_code(code: int) -> int:
 
 
 @contextmanager
-def hold_interrupts(message: str) -> Iterator[None]:
+def hold_interrupts(message: str = "") -> Iterator[None]:
     """Delay interrupts until the end of a short block.
 
     message: message of the delayed interrupt. Does nothing in other threads, or for a

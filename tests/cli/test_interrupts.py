@@ -7,7 +7,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +18,9 @@ from common.bodies import write_mesh
 from common.bumpy import bumpy_sphere
 
 from dicedesign.cli.main import main
+from dicedesign.results.folder import open_results_folder
 from dicedesign.runtime.checkpoint import is_checkpoint
+from dicedesign.runtime.interrupts import Interrupt, signals_interrupt
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
@@ -85,6 +90,45 @@ def test_an_empty_folder_is_removed(folder: Path, sent: signal.Signals) -> None:
     """The signal comes while the design has nothing to keep."""
     end_when(start(folder, "design 3:5:7:11:13 --out new/die"), folder / "new" / "die", sent)
     assert not (folder / "new").exists()
+
+
+def test_an_interrupt_at_any_line_leaves_no_folder(tmp_path: Path) -> None:
+    """A signal comes at each line that runs while a folder of results is opened."""
+    line = 0
+    while signal_at_line(line, tmp_path / "new" / "die"):
+        assert not (tmp_path / "new").exists(), f"after line {line}"
+        line += 1
+    assert line > 100
+
+
+def signal_at_line(line: int, folder: Path) -> bool:
+    """Open a folder of results with a signal at a line, counted from 0, of this product and of the
+    modules that it calls; return whether there was such a line before the folder was open."""
+    lines = 0
+    modules = ("contextlib.py", "pathlib.py", "shutil.py")
+
+    def trace(frame: FrameType, event: str, _: object) -> Callable[..., Any] | None:
+        nonlocal lines
+        path = Path(frame.f_code.co_filename)
+        if "dicedesign" not in path.parts and path.name not in modules:
+            return None
+        if event == "line":
+            lines += 1
+            if lines > line:
+                sys.settrace(None)
+                signal.raise_signal(signal.SIGTERM)
+        return trace
+
+    with signals_interrupt():
+        sys.settrace(trace)
+        try:
+            with open_results_folder(folder, ["die.stl"]):
+                sys.settrace(None)
+                raise KeyError
+        except (Interrupt, KeyError) as error:
+            return isinstance(error, Interrupt)
+        finally:
+            sys.settrace(None)
 
 
 @pytest.mark.parametrize("sent", CODES)
