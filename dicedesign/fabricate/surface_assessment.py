@@ -149,6 +149,8 @@ def assess_surface(
             "95 % of the surface is distorted in shape by a factor of at most {shape_most:.3g}, "
             "and in size by {size_most:.3g}".format_map(quality.distortion)
         )
+    if quality.turns is not None:
+        sentences.append(quality.turns.sentence)
     cavities, is_printable = None, solid.is_printable
     if design_result.hollow is not None and solid.is_printable:
         assert wanted.hollow is not None

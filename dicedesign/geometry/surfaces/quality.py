@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from dicedesign.geometry.surfaces.self_intersections import (
     intersecting_triangles,
     intersection_groups,
 )
-from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_neighbors
+from dicedesign.geometry.triangles import Surface, doubled_area_vectors, edge_neighbors, find_parts
 from dicedesign.runtime.arrays import Booleans, Floats, Integers, sums_by_index
 from dicedesign.tolerances import SHARP_TURN, SLIVER_ANGLE
 
@@ -22,6 +22,12 @@ LISTED = 20
 
 SHARE = 0.95
 """Share of the area whose largest distortion is given."""
+
+TURNED_SHARE = 0.99
+"""Share of the area whose largest turn is given."""
+
+PEAK = 0.05
+"""Radius, over the diagonal, of a sphere as curved as what grows to make a peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +50,7 @@ class SurfaceQuality:
     intersections: (m, 2) pairs of triangles that meet, as from `intersecting_triangles`.
     places: (k, 3) middles of groups of such triangles, see `intersection_groups`.
     distortion: against the reference, see `surface_distortion`; None without one.
+    turns: against the reference, see `surface_turns`; None without one.
     """
 
     points: int
@@ -57,6 +64,7 @@ class SurfaceQuality:
     intersections: Integers
     places: Floats
     distortion: dict[str, float] | None
+    turns: SurfaceTurns | None
 
     def sentences(self) -> tuple[str, ...]:
         """The defects in words, one sentence each; none for a surface without any."""
@@ -107,6 +115,8 @@ class SurfaceQuality:
                 name: value if np.isfinite(value) else None
                 for name, value in self.distortion.items()
             }
+        if self.turns is not None:
+            data["turns"] = asdict(self.turns)
         return data
 
 
@@ -141,6 +151,7 @@ def surface_quality(surface: Surface, reference: Surface | None = None) -> Surfa
         intersections=intersections,
         places=np.array([corners[group].mean(axis=(0, 1)) for group in groups]).reshape(-1, 3),
         distortion=None if reference is None else surface_distortion(surface, reference),
+        turns=None if reference is None else surface_turns(surface, reference),
     )
 
 
@@ -187,6 +198,89 @@ def surface_distortion(surface: Surface, reference: Surface) -> dict[str, float]
         figures[f"{name}_mean"] = float(np.average(values, weights=before))
         figures[f"{name}_most"], figures[f"{name}_largest"] = float(most), float(values.max())
     return figures
+
+
+@dataclass(frozen=True)
+class SurfaceTurns:
+    """What the eye sees of a deformation: how far a surface turned, and where it became sharper.
+
+    Attributes
+    ----------
+    mean_degrees, most_degrees, largest_degrees: angle between the normals of triangles before and
+        after: the mean by area, what 99 % of the area keep to, and the largest.
+    edge_before_degrees, edge_after_degrees: largest angle between the normals of neighbors.
+    peaks: groups of neighboring points whose mean curvature, positive where a surface is convex,
+        has grown by more than that of a sphere with a radius of 5 % of the diagonal.
+    """
+
+    mean_degrees: float
+    most_degrees: float
+    largest_degrees: float
+    edge_before_degrees: float
+    edge_after_degrees: float
+    peaks: int
+
+    @property
+    def sentence(self) -> str:
+        """All in a sentence."""
+        peaks = f"{self.peaks or 'no'} peak{'' if self.peaks == 1 else 's'} came up"
+        return (
+            f"the surface turned by {self.mean_degrees:.2g} degrees on average, 99 % of it by at "
+            f"most {self.most_degrees:.2g}; its sharpest edge has {self.edge_after_degrees:.3g} "
+            f"degrees, {self.edge_before_degrees:.3g} before; {peaks}"
+        )
+
+
+def surface_turns(surface: Surface, reference: Surface) -> SurfaceTurns:
+    """Turns of a closed surface against the reference that it was deformed from, which has its
+    triangles. Triangles that have no area in one of both do not count; areas are the reference's.
+
+    Source: for the mean curvature of edges Steiner's formula, as in Sullivan, Curvatures of smooth
+    and discrete surfaces, 2008.
+    """
+    neighbors = edge_neighbors(surface.triangles)
+    area = norms(doubled_area_vectors(reference.points, reference.triangles))
+    old, new = _normals(reference), _normals(surface)
+    counted = (norms(old) > 0.0) & (norms(new) > 0.0)
+    turns, weights = np.degrees(angle_between(old, new))[counted], area[counted]
+    order = np.argsort(turns)
+    covered = np.cumsum(weights[order])
+    (edge_before, before), (edge_after, after) = (
+        _curvatures(each, normals, neighbors)
+        for each, normals in ((reference, old), (surface, new))
+    )
+    is_peak = after - before > 1.0 / PEAK
+    tails, heads = surface.triangles.ravel(), np.roll(surface.triangles, -1, axis=1).ravel()
+    within = is_peak[tails] & is_peak[heads]
+    parts = find_parts(tails[within], heads[within], len(is_peak))
+    return SurfaceTurns(
+        mean_degrees=float(np.average(turns, weights=weights)),
+        most_degrees=float(turns[order[np.searchsorted(covered, TURNED_SHARE * covered[-1])]]),
+        largest_degrees=float(turns.max()),
+        edge_before_degrees=edge_before,
+        edge_after_degrees=edge_after,
+        peaks=len(np.unique(parts[is_peak])),
+    )
+
+
+def _curvatures(surface: Surface, normals: Floats, neighbors: Integers) -> tuple[float, Floats]:
+    """Largest angle between neighbors in degrees, and the mean curvature (n,) at the points, with
+    the diagonal as the unit: positive where the surface is convex."""
+    triangles, points = surface.triangles, surface.points / surface.diagonal
+    tails, heads = np.roll(triangles, -1, axis=1), np.roll(triangles, -2, axis=1)
+    along = points[heads] - points[tails]
+    beyond = normals[neighbors]
+    turns = np.where(neighbors >= 0, angle_between(normals[:, None], beyond), 0.0)
+    is_convex = (np.linalg.cross(normals[:, None], beyond) * along).sum(axis=2) >= 0.0
+    # Each edge has two triangles, and gives half of its curvature to each of its ends.
+    shares = norms(along) * np.where(is_convex, turns, -turns) / 8.0
+    areas = norms(doubled_area_vectors(points, triangles)) / 6.0
+    count = len(points)
+    curvature = sums_by_index(tails.ravel(), shares.ravel(), count)
+    curvature += sums_by_index(heads.ravel(), shares.ravel(), count)
+    area = sums_by_index(triangles.ravel(), areas.repeat(3), count)
+    mean = np.divide(curvature, area, out=np.zeros(count), where=area > 0.0)
+    return float(np.degrees(turns.max())), mean
 
 
 def _angles(corners: Floats) -> Floats:

@@ -10,17 +10,23 @@ import pytest
 import trimesh
 from common.bumpy import ball, bent_capsule, bumpy_sphere, self_intersecting_sphere, surface_of
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from dicedesign.concave.shapes import SHAPES, shape
 from dicedesign.errors import InputError
 from dicedesign.geometry.meshes.body import make_body
+from dicedesign.geometry.sphere import angle_between, unit_vectors
 from dicedesign.geometry.surfaces.closed_surface import (
     decimate,
     make_surface,
     refine,
     require_dents,
 )
-from dicedesign.geometry.surfaces.quality import surface_distortion, surface_quality
+from dicedesign.geometry.surfaces.quality import (
+    surface_distortion,
+    surface_quality,
+    surface_turns,
+)
 from dicedesign.geometry.triangles import Surface
 
 
@@ -170,3 +176,32 @@ def test_distortion_is_the_ratio_of_singular_values() -> None:
     assert distortion["size_largest"] == pytest.approx(sizes.max(), rel=1e-9)
     below = np.array(shapes) <= distortion["shape_most"] * (1 + 1e-12)
     assert 0.95 <= np.average(below, weights=weights) < 0.96
+
+
+def test_a_rotation_turns_all_normals_by_its_angle() -> None:
+    before = ball(3)
+    turn = Rotation.from_rotvec([0.0, 0.0, np.radians(7.0)]).as_matrix()
+    turns = surface_turns(before.with_points(before.points @ turn.T), before)
+    # Of a triangle whose normal has a latitude only its horizontal part turns.
+    normals = unit_vectors(before.points[before.triangles].mean(axis=1))
+    angles = 2.0 * np.arcsin(np.sqrt(1.0 - normals[:, 2] ** 2) * np.sin(np.radians(3.5)))
+    assert turns.largest_degrees == pytest.approx(7.0, abs=0.01)
+    assert np.radians(turns.mean_degrees) == pytest.approx(angles.mean(), rel=0.01)
+    assert turns.mean_degrees < turns.most_degrees <= turns.largest_degrees
+    assert turns.edge_after_degrees == pytest.approx(turns.edge_before_degrees)
+    assert turns.peaks == 0
+
+
+@pytest.mark.parametrize(("height", "peaks"), [(0.1, 0), (0.2, 2), (-0.2, 0)])
+def test_peaks_are_where_the_curvature_has_grown(height: float, peaks: int) -> None:
+    """Two bumps of radius r = 1 + height exp(-t^2 / 0.2^2) at an angle t have the curvature
+    1 / r + 2 height / (0.2 r)^2 at their tops, which grew by 4.0 and 6.8; a sphere with a radius
+    of 5 % of the diagonal has 5.8."""
+    before = ball(5)
+    points = before.points
+    tops = np.array([[0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    away = angle_between(points[:, None], tops).min(axis=1)
+    after = before.with_points(points * (1.0 + height * np.exp(-((away / 0.2) ** 2)))[:, None])
+    turns = surface_turns(after, before)
+    assert turns.peaks == peaks
+    assert turns.edge_after_degrees > turns.edge_before_degrees
