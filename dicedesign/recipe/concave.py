@@ -25,6 +25,7 @@ from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.parts import Search, Status, TradeOff
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.files import atomic_write
+from dicedesign.runtime.interrupts import hold_interrupts
 from dicedesign.tolerances import SAME_REST_ANGLE
 
 STOP_OPTIONS = ("displacement", "attempts", "enough", "seconds")
@@ -63,8 +64,10 @@ def design_concave(work: Work) -> Design:
         nonlocal progress
         progress, line = latest, _describe(latest, options)
         if path is not None and latest.attempts > 0:
-            atomic_write(path, checkpoint_bytes(latest, identity))
-            work.resume_note = f"{line}; run it again with --resume to go on"
+            # An interrupt after the file is written must name it.
+            with hold_interrupts():
+                atomic_write(path, checkpoint_bytes(latest, identity))
+                work.resume_note = f"{line}; run it again with --resume to go on"
         work.callbacks.on_part(latest.attempts, options.attempts, "attempts")
         work.callbacks.on_attempt(line)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from tests.soak.frame import CommandEnd, dicedesign, faults_of, run_command
+from tests.soak.frame import CommandEnd, before_main, dicedesign, faults_of, run_command
 
 KILLS = 10
 """Kills of a case."""
@@ -127,7 +127,8 @@ def try_kills(parent: Path, seed: int, number: int) -> list[str]:
     for _ in range(KILLS):
         kind = sent[rng.integers(len(sent))]
         ended = run(kind, float(rng.uniform(0.0, MAX_KILL_PART)) * alone.seconds)
-        faults += [f"{kind.name}: {fault}" for fault in faults_of(ended, 0, 1, *codes_of(kind))]
+        if not before_main(ended.err):
+            faults += [f"{kind.name}: {fault}" for fault in faults_of(ended, 0, 1, *codes_of(kind))]
     again = run()
     faults += faults_of(again, alone.code if alone.code is not None else 0)
     if not faults and content(out) != whole:
