@@ -42,7 +42,7 @@ from dicedesign.cli.commands import (
 from dicedesign.cli.shared_options import Command
 from dicedesign.errors import DiceError, InputError, printable
 from dicedesign.runtime.files import check_memory
-from dicedesign.runtime.interrupts import exit_code, signals_interrupt
+from dicedesign.runtime.interrupts import exit_code, signals_interrupt, was_interrupted
 
 __all__ = ["main"]
 
@@ -187,6 +187,9 @@ def _describe_error(error: BaseException) -> tuple[int, str]:
             "temporary folder: expected one that can be written, got none; make room, or name one "
             "by the environment variable TMPDIR"
         )
+    if was_interrupted():
+        # NumPy makes another error of an interrupt in some places.
+        return 130, "interrupted; nothing half-written was left"
     return UNEXPECTED, (
         f"unexpected error, {type(error).__name__}: {error}; please report it with your command "
         f"and its output with {DEBUG}"

@@ -47,6 +47,11 @@ def signals_interrupt() -> Iterator[None]:
             signal.signal(number, before)
 
 
+def was_interrupted() -> bool:
+    """Whether a signal has come within `signals_interrupt`."""
+    return len(_received) > 0
+
+
 def exit_code(code: int) -> int:
     """Exit code of a command that returned one: 128 plus the number of the signal, such as 143 for
     SIGTERM, if one but Ctrl-C ended the command before."""

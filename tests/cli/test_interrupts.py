@@ -92,6 +92,20 @@ def test_an_empty_folder_is_removed(folder: Path, sent: signal.Signals) -> None:
     assert not (folder / "new").exists()
 
 
+@pytest.mark.parametrize(("sent", "code"), CODES.items())
+def test_an_interrupt_that_a_library_turns_into_another_error(
+    sent: signal.Signals, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted() -> None:
+        try:
+            signal.raise_signal(sent)
+        except KeyboardInterrupt:
+            raise TypeError("no common type") from None
+
+    monkeypatch.setattr("dicedesign.cli.main.check_memory", interrupted)
+    assert main(["rest", "brick.stl"]) == code
+
+
 def test_an_interrupt_at_any_line_leaves_no_folder(tmp_path: Path) -> None:
     """A signal comes at each line that runs while a folder of results is opened."""
     line = 0
