@@ -23,6 +23,7 @@ from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.report import colored_die
 from dicedesign.results.folder import read_result
 from dicedesign.runtime import workers
 from dicedesign.sweep.dice import MAX_FOLDER_NAME, combine
@@ -36,6 +37,8 @@ def sweep(recipe: Path, folder: Path, *options: str, executor: Executor | None =
     """Exit code of a sweep in this process."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(workers, "local_workers", lambda jobs: nullcontext(executor or Inline()))
+        # Pictures are drawn at once.
+        patch.setattr(colored_die, "MIN_PIXELS", 40)
         return main(["sweep", str(recipe), "--out", str(folder), *options])
 
 
