@@ -55,21 +55,22 @@ SLICER = ("prusa-slicer is not installed", "tests/test_data.py::test_of_slices")
 
 
 @pytest.mark.parametrize(
-    ("option", "required"),
+    ("workers", "option", "required"),
     [
-        ([], ()),
+        ("1", [], ()),
         (
+            "0",
             ["--require-public-data", "--require-slicer", "--require-browser"],
             (DATA, SLICER, BROWSER),
         ),
     ],
 )
 def test_missing_public_data_is_named(
-    checkout: Path, option: list[str], required: tuple[tuple[str, str], ...]
+    checkout: Path, workers: str, option: list[str], required: tuple[tuple[str, str], ...]
 ) -> None:
     """Listed and counted at the end of a run, also with several processes; or a failure, if
     required."""
-    command = [sys.executable, "-m", "pytest", "-n", "1", *option]
+    command = [sys.executable, "-m", "pytest", "-n", workers, *option]
     # The started run does not inherit options of the run that this test is part of.
     own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     # A path without programs.

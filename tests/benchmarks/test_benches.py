@@ -45,7 +45,7 @@ def test_tables_have_a_heading_and_a_cell_for_each_value(
 
 
 def test_bad_input_has_exit_code_2(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert main(["exact", str(tmp_path / "none.yaml"), "--targets", "1"]) == 2
+    assert main(["exact", str(tmp_path / "none.yaml"), "--part", "recipes"]) == 2
     assert "none.yaml" in capsys.readouterr().err
 
 

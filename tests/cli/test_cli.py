@@ -127,7 +127,14 @@ def test_drop(box: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "height of center" in capsys.readouterr().out
 
 
-D4 = "name: d4\nfigures: false\nengrave: false\ntarget: {fair: 4}\nstart: {%s}\n"
+D4 = """name: d4
+figures: false
+report: false
+print: false
+engrave: false
+target: {fair: 4}
+start: {%s}
+"""
 
 
 def test_run_from_a_shell(tmp_path: Path) -> None:

@@ -20,8 +20,9 @@ from dicedesign.cli.main import COMMANDS, main
 RECIPE = """# my own notes
 name: cube
 target: {fair: 6}
-faces: one
+faces: 6
 engrave: false
+print: false
 figures: false
 report: false
 """

@@ -67,7 +67,7 @@ KINDS: dict[str, Callable[[Generator, int], np.ndarray]] = {
     "huge": lambda rng, n: sphere(rng, n) * power(rng, 20, 200),
     "needle": lambda rng, n: turn(sphere(rng, n) * [1.0, 1e-4, power(rng, -6, -2)], rng),
     "plate": lambda rng, n: turn(sphere(rng, n) * [1.0, 1.0, power(rng, -7, -2)], rng),
-    "single precision": lambda rng, n: sphere(rng, 20 * n).astype(np.float32),
+    "single precision": lambda rng, n: sphere(rng, 8 * n).astype(np.float32),
     "single precision box": lambda rng, n: turn(on_cube(rng, n), rng).astype(np.float32),
 }
 

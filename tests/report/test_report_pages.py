@@ -25,7 +25,7 @@ from dicedesign.geometry.triangles import Surface, doubled_area_vectors
 from dicedesign.palette import BLANK, outcome_colors, text_color
 from dicedesign.recipe.output import make_finished_die
 from dicedesign.recipe.pipeline import run_stages
-from dicedesign.report import pages
+from dicedesign.report import colored_die, pages
 from dicedesign.report.colored_die import color_parts, shown_rests
 from dicedesign.report.figures import FIGURES
 from dicedesign.report.pages import three_script, throwing_advice
@@ -73,6 +73,13 @@ THROWN = TableResult(
     (),
     THROWS,
 )
+
+
+@pytest.fixture(autouse=True)
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw the die on few pixels; pages do not differ otherwise."""
+    monkeypatch.setattr(colored_die, "MIN_PIXELS", 40)
+    monkeypatch.setattr(pages, "DIE_PIXELS", 40)
 
 
 def page_of(images: dict[str, bytes] | None = None, **changes: Any) -> Checker:

@@ -9,8 +9,9 @@ import pytest
 RECIPE = """
 name: four
 target: {fair: 4}
-method: {exact: {prefer: {}}}
+method: exact
 engrave: false
+print: false
 figures: false
 report: false
 clock: false

@@ -23,6 +23,7 @@ from common.processes import kill_at_write
 
 from dicedesign.cli.main import main
 from dicedesign.fabricate.finish_options import EngravingOptions
+from dicedesign.report import colored_die
 from dicedesign.results.folder import read_result
 from dicedesign.runtime import workers
 from dicedesign.sweep.dice import MAX_FOLDER_NAME, combine
@@ -36,6 +37,8 @@ def sweep(recipe: Path, folder: Path, *options: str, executor: Executor | None =
     """Exit code of a sweep in this process."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(workers, "local_workers", lambda jobs: nullcontext(executor or Inline()))
+        # Pictures are drawn at once.
+        patch.setattr(colored_die, "MIN_PIXELS", 40)
         return main(["sweep", str(recipe), "--out", str(folder), *options])
 
 
@@ -103,19 +106,16 @@ def test_only_missing_dice_are_made(
     assert f"\nbest die: {copied / best}\n" in captured.out
     assert lossy.submitted == []
 
-    shutil.rmtree(copied / best)
-    assert sweep(recipe_path, copied, *SETTINGS, executor=lossy) == 0
-    assert [list(recipes) for _, recipes, _ in lossy.submitted] == [[best]]
+    first, second, third, fourth = (row["folder"] for row in rows_of(copied))
+    shutil.rmtree(copied / first)
     # A die of another recipe is made again.
-    other = next(row["folder"] for row in rows_of(copied) if row["folder"] != best)
-    shutil.rmtree(copied / best)
-    shutil.copytree(copied / other, copied / best)
-    assert sweep(recipe_path, copied, *SETTINGS, executor=lossy) == 0
-    assert len(lossy.submitted) == 2
+    shutil.rmtree(copied / second)
+    shutil.copytree(copied / fourth, copied / second)
     # So is one of which a file is gone.
-    (copied / best / "die_plain.stl").unlink()
+    (copied / third / "die_plain.stl").unlink()
     assert sweep(recipe_path, copied, *SETTINGS, executor=lossy) == 0
-    assert len(lossy.submitted) == 3
+    made = [name for _, recipes, _ in lossy.submitted for name in recipes]
+    assert sorted(made) == sorted([first, second, third])
     assert (copied / "sweep.csv").read_bytes() == table
 
 
@@ -195,21 +195,28 @@ def test_a_killed_sweep_goes_on(recipe_path: Path, copied: Path) -> None:
     assert not list(best.glob(".*.part"))
 
 
-@pytest.mark.parametrize("name", ["result.json", "die_plain.stl", "recipe.yaml"])
-@pytest.mark.parametrize("damage", [b"", b'{"sha256": {"a": ', b'{"sha256": 1}', b"[" * 100_000])
+@pytest.mark.parametrize(
+    "damages",
+    [
+        [("result.json", b""), ("result.json", b'{"sha256": {"a": '), ("die_plain.stl", b"")],
+        [("result.json", b"[" * 100_000), ("result.json", b'{"sha256": 1}'), ("recipe.yaml", b"[")],
+    ],
+)
 def test_a_damaged_die_is_a_row_with_an_error(
-    recipe_path: Path, copied: Path, name: str, damage: bytes
+    recipe_path: Path, copied: Path, damages: list[tuple[str, bytes]]
 ) -> None:
-    """The other dice are ranked, and what is damaged stays for the user to look at."""
-    folder = rows_of(copied)[1]["folder"]
-    (copied / folder / name).write_bytes(damage)
+    """The fourth die is ranked, and what is damaged stays for the user to look at."""
+    damaged = [row["folder"] for row in rows_of(copied)[1:]]
+    for folder, (name, damage) in zip(damaged, damages, strict=True):
+        (copied / folder / name).write_bytes(damage)
     assert sweep(recipe_path, copied, *SETTINGS) == 1
-    rows = rows_of(copied)
-    assert [row["status"] for row in rows] == ["converged"] * 3 + ["failed"]
-    assert rows[3]["folder"] == folder
-    assert name in rows[3]["message"]
-    assert (copied / folder / name).read_bytes() == damage
-    shutil.rmtree(copied / folder)
+    rows = {row["folder"]: row for row in rows_of(copied)}
+    assert [row["status"] for row in rows.values()] == ["converged"] + ["failed"] * 3
+    for folder, (name, damage) in zip(damaged, damages, strict=True):
+        assert rows[folder]["status"] == "failed"
+        assert name in rows[folder]["message"]
+        assert (copied / folder / name).read_bytes() == damage
+        shutil.rmtree(copied / folder)
     assert sweep(recipe_path, copied, *SETTINGS) == 0
 
 
