@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -24,6 +25,7 @@ from dicedesign.recipe.reading import parse_recipe, parse_yaml, read_recipe
 from dicedesign.recipe.recipe import Recipe
 from dicedesign.results.folder import CHECKPOINT, RECIPE, read_result
 from dicedesign.results.result import Result
+from dicedesign.runtime.outputs import UNFINISHED
 from dicedesign.runtime.workers import LONE_RUNS, run_in_batches
 
 MAX_FOLDER_NAME = 60
@@ -110,7 +112,10 @@ def check_starts(combinations: Mapping[str, Combination]) -> None:
 
 
 def made_die(folder: Path, recipe: Recipe) -> Result | None:
-    """Result of a recipe that is complete and unchanged in a folder; None if it must be made."""
+    """Result of a recipe that is complete and unchanged in a folder; None if it must be made, also
+    after a process was killed while it wrote the last files."""
+    if os.path.lexists(folder / UNFINISHED):
+        return None
     try:
         if read_recipe(folder / RECIPE) != recipe:
             return None

@@ -113,10 +113,15 @@ def test_only_missing_dice_are_made(
     shutil.copytree(copied / fourth, copied / second)
     # So is one of which a file is gone.
     (copied / third / "die_plain.stl").unlink()
+    # And one whose process was killed while it wrote the last files.
+    result = json.loads((copied / fourth / "result.json").read_text())
+    sums = {name: [each] for name, each in result["sha256"].items()}
+    (copied / fourth / ".unfinished.json").write_text(json.dumps({"sha256": sums}))
     assert sweep(recipe_path, copied, *SETTINGS, executor=lossy) == 0
     made = [name for _, recipes, _ in lossy.submitted for name in recipes]
-    assert sorted(made) == sorted([first, second, third])
+    assert sorted(made) == sorted([first, second, third, fourth])
     assert (copied / "sweep.csv").read_bytes() == table
+    assert not (copied / fourth / ".unfinished.json").exists()
 
 
 def test_dice_of_an_earlier_recipe_are_made_again(
