@@ -101,15 +101,17 @@ class ConcaveOptions(Options):
     ----------
     tolerance: largest |p - q| over clusters of rests within 5 degrees, and largest total
         probability of all other rests; above 0 and below 1.
+    rests: "one" for each outcome, or "several": rests are shared out among the outcomes, and the
+        surface is bent smoothly and by very little, or not at all if it is hollow.
     hull: design of the hull: "gauss_newton", or "paper" for descent on the clustered energy with
         its regularizers.
     fill: fill of the hull by the surface: "correspondence", or "paper" for quadratic programs and a
         correction of the center of mass.
     paper: options of "paper" above, or None for the defaults.
     apart_deg: minimum angle between the rests of two outcomes, in degrees; at least 0 and below
-        180.
+        180. With several rests for an outcome only preferred, up to 25.
     margin_deg: minimum angle by which the die can be tipped without leaving an outcome, in degrees;
-        at least 0 and below 90.
+        at least 0 and below 90. With several rests for an outcome there is none.
     prints_within: largest mean total variation of prints from the target; above 0 and at most 1.
     hollow: cavities that move the center of mass, so that the surface needs less bending; None for
         a solid die.
@@ -125,6 +127,7 @@ class ConcaveOptions(Options):
     """
 
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.005
+    rests: Literal["one", "several"] = "one"
     hull: Literal["gauss_newton", "paper"] = "gauss_newton"
     fill: Literal["correspondence", "paper"] = "correspondence"
     paper: ConcavePaperOptions | None = None
@@ -138,8 +141,17 @@ class ConcaveOptions(Options):
     enough: Annotated[int, Field(ge=1)] = 24
     seconds: Positive | None = None
 
+    @property
+    def least_angles(self) -> tuple[float, float]:
+        """Required angles: between two outcomes, and of tipping, in degrees."""
+        return (self.apart_deg, self.margin_deg) if self.rests == "one" else (0.0, 0.0)
+
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.rests == "several" and "paper" in (self.hull, self.fill):
+            raise InputError(
+                "rests: expected one with hull: paper or fill: paper, got several; leave paper out"
+            )
         if self.paper is not None and "paper" not in (self.hull, self.fill):
             raise InputError(
                 f"paper: expected hull: paper or fill: paper with it, got {self.hull} and "

@@ -18,6 +18,7 @@ from dicedesign.concave.result import (
     FilledHull,
     Hollow,
     JudgePrints,
+    eye_cost,
     is_right,
     prints_above_preferred,
 )
@@ -30,6 +31,9 @@ from dicedesign.runtime import checkpoint
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.checkpoint import Arrays
 from dicedesign.runtime.workers import one_thread
+
+SMALL_COST = 1.0
+"""Value of `eye_cost` up to which a die is good enough."""
 
 PATIENCE = 1.5
 """Factor of `ConcaveOptions.enough` while prints of the best die could be better."""
@@ -122,12 +126,14 @@ def make_concave_die(
         """Whether attempts or time are used up, or the best die has converged and is near the
         original or the best of enough attempts; more attempts if its prints could be better."""
         best, done = progress.best, progress.attempts
-        if done >= options.attempts:
+        if done >= min(options.attempts, attempts.most):
             return True
         if options.seconds is not None and done > 0 and seconds() >= options.seconds:
             return True
         if best is None or not is_right(best.draft, options):
             return False
+        if options.rests == "several":
+            return eye_cost(best.draft) <= SMALL_COST or done >= options.enough
         if prints_above_preferred(best.draft, options) > 0.0:
             return done >= PATIENCE * options.enough
         return best.draft.displacement <= options.displacement or done >= options.enough
@@ -162,5 +168,6 @@ def make_concave_die(
     if wall is not None and is_shifted(after, best.center_of_mass):
         hollow = Hollow(wall, best.center_of_mass)
     hull = convex_hull(best.hull_points)
-    corners = len(attempts.problem.whole_hull.vertices), len(best.hull_points)
-    return ConcaveDie(surface, after, hull, best.directions, corners, progress, hollow)
+    corners = len(convex_hull(surface.points).vertices), len(best.hull_points)
+    faces = best.directions, best.outcome_of
+    return ConcaveDie(surface, after, hull, *faces, corners, progress, hollow)

@@ -84,7 +84,7 @@ class BentSurface:
 
     def sums(self, count: int) -> Floats:
         """(k,) probabilities of a number of outcomes."""
-        return np.bincount(self.outcomes, self.poses.probabilities, count)
+        return np.asarray(np.bincount(self.outcomes, self.poses.probabilities, count))
 
 
 @dataclass(frozen=True, eq=False)
