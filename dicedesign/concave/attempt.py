@@ -182,7 +182,7 @@ class Attempts:
         number: number of the attempt, from 1 on.
         """
         if self.options.rests == "several":
-            return self._bend(number)
+            return self._bend(number, best)
         problem, drafts = self.problem, self.drafts
         random = np.random.default_rng([self.seed, number])
         on_step = partial(self.on_step, "hull")
@@ -299,8 +299,9 @@ class Attempts:
                 different.setdefault(way.tobytes(), way)
         return list(different.values())
 
-    def _bend(self, number: int) -> FilledHull | None:
-        """Bend the surface for the rests of one way to share them out; None if that fails."""
+    def _bend(self, number: int, best: FilledHull | None) -> FilledHull | None:
+        """Bend the surface for the rests of one way to share them out; None if that fails or cannot
+        improve on the best die."""
         from dicedesign.balance.cavity import balancing_cavity, reach
 
         unit, share = self._bending.surface, SAFE_REACH
@@ -325,7 +326,9 @@ class Attempts:
             except InputError:
                 share *= REACH_FACTOR
                 continue
-            return self._measure_bent(bent)
+            filled = self._measure_bent(bent)
+            # Prints only add to the cost, and take longest to judge.
+            return self.judge(filled) if self.is_better(filled, best) else None
         return None
 
     def _measure_bent(self, bent: BentSurface) -> FilledHull:
@@ -339,7 +342,7 @@ class Attempts:
         order = np.lexsort((-bent.poses.probabilities, bent.outcomes))
         directions, outcome_of = bent.poses.normals[order], bent.outcomes[order]
         outcomes = outcome_probabilities(poses, directions, outcome_of, np.pi)
-        filled = FilledHull(
+        return FilledHull(
             Draft(
                 attempt=0,
                 seconds=None,
@@ -355,7 +358,6 @@ class Attempts:
             directions=directions,
             outcome_of=outcome_of,
         )
-        return self.judge(filled)
 
     def is_better(self, filled: FilledHull, best: FilledHull | None) -> bool:
         """Whether a filled hull is better than the best, or the first."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
@@ -16,6 +17,7 @@ from dicedesign.optimize.options import (
 )
 from dicedesign.optimize.starts.start import StartKind, StartSurface
 from dicedesign.runtime.registry import Options
+from dicedesign.tolerances import FILE_ANGLE, LEAST_MARGIN, SAME_REST_ANGLE
 
 
 class HullWeights(PaperWeights):
@@ -109,9 +111,9 @@ class ConcaveOptions(Options):
         correction of the center of mass.
     paper: options of "paper" above, or None for the defaults.
     apart_deg: minimum angle between the rests of two outcomes, in degrees; at least 0 and below
-        180. With several rests for an outcome only preferred, up to 25.
+        180. With several rests for an outcome 5, and 25 is preferred.
     margin_deg: minimum angle by which the die can be tipped without leaving an outcome, in degrees;
-        at least 0 and below 90. With several rests for an outcome there is none.
+        at least 0 and below 90. With several rests for an outcome 0.1.
     prints_within: largest mean total variation of prints from the target; above 0 and at most 1.
     hollow: cavities that move the center of mass, so that the surface needs less bending; None for
         a solid die.
@@ -144,7 +146,9 @@ class ConcaveOptions(Options):
     @property
     def least_angles(self) -> tuple[float, float]:
         """Required angles: between two outcomes, and of tipping, in degrees."""
-        return (self.apart_deg, self.margin_deg) if self.rests == "one" else (0.0, 0.0)
+        if self.rests == "one":
+            return self.apart_deg, self.margin_deg
+        return math.degrees(SAME_REST_ANGLE + FILE_ANGLE), math.degrees(LEAST_MARGIN + FILE_ANGLE)
 
     def __post_init__(self) -> None:
         super().__post_init__()

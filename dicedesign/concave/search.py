@@ -32,7 +32,7 @@ from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.checkpoint import Arrays
 from dicedesign.runtime.workers import one_thread
 
-SMALL_COST = 1.0
+SMALL_COST = 2.0
 """Value of `eye_cost` up to which a die is good enough."""
 
 PATIENCE = 1.5

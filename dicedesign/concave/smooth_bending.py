@@ -37,7 +37,8 @@ BENT_LENGTH = 0.15
 """Length over the diagonal: waves of this length over 2 pi cost as much bending as size."""
 
 SINGULAR = 1e-9
-"""Regularization of the metric, relative to its mean diagonal."""
+"""Regularization of the metric, relative to its mean diagonal; and least compliance of the sums,
+relative to the largest."""
 
 STEPS = 80
 """Maximum number of steps."""
@@ -191,7 +192,10 @@ class SmoothBending:
         wanted = change[:-1] + np.einsum("kma,ma->k", slopes[:-1], place)
         compliant = cho_solve(self._factor, np.concatenate([*rows], axis=1))
         compliant = compliant.reshape(-1, len(rows), 3)
-        stiffness = np.linalg.pinv(np.einsum("kma,mja->kj", rows, compliant), hermitian=True)
+        values, vectors = np.linalg.eigh(np.einsum("kma,mja->kj", rows, compliant))
+        # Rounding may leave sums that no displacement changes with any sign.
+        values = np.where(values > SINGULAR * values[-1], values, np.inf)
+        stiffness = (vectors / values) @ vectors.T
         shift = np.zeros(3)
         if room is not None:
             form = by_shift.T @ stiffness @ by_shift + CENTERING**2 * np.eye(3)
