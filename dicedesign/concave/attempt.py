@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import chain, zip_longest
 
 import numpy as np
 
@@ -31,18 +29,18 @@ from dicedesign.concave.hull_problem import (
 )
 from dicedesign.concave.options import ConcaveOptions, ConcavePaperOptions
 from dicedesign.concave.outcome_directions import outcome_choices
-from dicedesign.concave.rest_groups import group_rests, share_groups
 from dicedesign.concave.result import (
     MOST_EASED,
     FilledHull,
     JudgePrints,
     angle_penalty,
+    is_better,
     is_right,
+    judge,
     missing,
     prints_above_preferred,
     rank,
 )
-from dicedesign.concave.smooth_bending import BentSurface, SmoothBending
 from dicedesign.concave.untangling import untangle
 from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
@@ -52,7 +50,7 @@ from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 from dicedesign.rest.poses import analyze
 from dicedesign.results.parts import Draft
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Floats
 from dicedesign.tolerances import FILE_ANGLE, SAME_REST_ANGLE
 
 DESIGN_SHARE = 0.8
@@ -106,15 +104,6 @@ REACH_FACTOR = 0.6
 
 MAX_SHIFTS = 3
 """Maximum number of further shifts of the center of mass by a cavity."""
-
-BARRIERS = (0.003, 0.001, 0.0003, 0.01)
-"""Barriers of `group_rests`, over the diagonal, in the order in which they take turns."""
-
-WAYS = 6
-"""Maximum number of ways to share out the groups of each barrier."""
-
-BENT_TOLERANCE = 1e-9
-"""Largest |p - q| of a bent surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +170,6 @@ class Attempts:
 
         number: number of the attempt, from 1 on.
         """
-        if self.options.rests == "several":
-            return self._bend(number, best)
         problem, drafts = self.problem, self.drafts
         random = np.random.default_rng([self.seed, number])
         on_step = partial(self.on_step, "hull")
@@ -207,7 +194,7 @@ class Attempts:
                 filled = self._fill_about_cavity(draft, best, self.wall, move)
             if filled is None:
                 break
-            if self.is_better(filled, best_fill):
+            if is_better(filled, best_fill, self.options):
                 best_fill = filled
             if filled.draft.self_intersections > 0 and metric is NEAREST:
                 metric = UNCROSSED
@@ -248,7 +235,7 @@ class Attempts:
         problem = with_room(self.problem.surface, SAFE_REACH)
         nearer = move(problem, draft)
         filled = self._finish(problem, nearer, best)
-        if filled is None or not self.is_better(filled, best):
+        if filled is None or not is_better(filled, best, self.options):
             return filled
         if not has_room(filled):
             # Begin with a solid die, which has more room when it is bent less.
@@ -265,103 +252,13 @@ class Attempts:
                 break
             further = move(problem, nearer)
             following = self._finish(problem, further, filled)
-            if following is None or not self.is_better(following, filled):
+            if following is None or not is_better(following, filled, self.options):
                 break
             if has_room(following):
                 nearer, filled = further, following
             else:
                 share *= REACH_FACTOR
         return filled
-
-    @cached_property
-    def most(self) -> int:
-        """Number of attempts that differ; unlimited if they are drawn at random."""
-        return len(self._ways) if self.options.rests == "several" else sys.maxsize
-
-    @cached_property
-    def _bending(self) -> SmoothBending:
-        """Bending of the surface with its center of mass at the origin and a diagonal of 1."""
-        surface = self.surface
-        return SmoothBending(surface.with_points((surface.points - self.center) / surface.diagonal))
-
-    @cached_property
-    def _ways(self) -> list[Integers]:
-        """Outcomes (r,) of the rests of the surface, in several ways."""
-        points = self._bending.surface.points
-        poses = analyze(convex_hull(points), np.zeros(3))
-        by_barrier = [
-            share_groups(poses, group_rests(poses, barrier), self.target, WAYS)
-            for barrier in BARRIERS
-        ]
-        different = dict[bytes, Integers]()
-        for way in chain.from_iterable(zip_longest(*by_barrier)):
-            if way is not None:
-                different.setdefault(way.tobytes(), way)
-        return list(different.values())
-
-    def _bend(self, number: int, best: FilledHull | None) -> FilledHull | None:
-        """Bend the surface for the rests of one way to share them out; None if that fails or cannot
-        improve on the best die."""
-        from dicedesign.balance.cavity import balancing_cavity, reach
-
-        unit, share = self._bending.surface, SAFE_REACH
-        for _ in range(1 if self.wall is None else MAX_SHIFTS):
-            room = wall = None
-            if self.wall is not None:
-                wall = self.wall * convex_hull(unit.points).diameter
-                room = reach(unit, wall, share)
-            bent = self._bending.bend(
-                self._ways[number - 1],
-                self.target,
-                BENT_TOLERANCE,
-                room,
-                partial(self.on_step, "bend"),
-            )
-            if bent is None:
-                return None
-            surface = unit.with_points(bent.points)
-            try:
-                if wall is not None and is_shifted(surface, bent.center_of_mass):
-                    balancing_cavity(surface, wall, bent.center_of_mass)
-            except InputError:
-                share *= REACH_FACTOR
-                continue
-            filled = self._measure_bent(bent)
-            # Prints only add to the cost, and take longest to judge.
-            return self.judge(filled) if self.is_better(filled, best) else None
-        return None
-
-    def _measure_bent(self, bent: BentSurface) -> FilledHull:
-        """Measure a bent surface, as read from a file in single precision."""
-        unit = self._bending.surface
-        surface = unit.with_points(bent.points)
-        rounded = unit.with_points(bent.points.astype(np.float32).astype(np.float64))
-        shift = bent.center_of_mass - surface.centroid
-        hull = convex_hull(rounded.points, single_precision=True)
-        poses = analyze(hull, rounded.centroid + shift)
-        order = np.lexsort((-bent.poses.probabilities, bent.outcomes))
-        directions, outcome_of = bent.poses.normals[order], bent.outcomes[order]
-        outcomes = outcome_probabilities(poses, directions, outcome_of, np.pi)
-        return FilledHull(
-            Draft(
-                attempt=0,
-                seconds=None,
-                error=outcomes.error(self.target),
-                displacement=float(norms(bent.points - unit.points).mean()),
-                apart_deg=math.degrees(outcomes.least_angle),
-                margin_deg=math.degrees(outcome_margins(poses, outcomes).min()),
-                self_intersections=len(intersecting_triangles(bent.points, unit.triangles)),
-            ),
-            points=self.center + self.surface.diagonal * bent.points,
-            hull_points=self.center + self.surface.diagonal * hull.vertices,
-            center_of_mass=self.center + self.surface.diagonal * bent.center_of_mass,
-            directions=directions,
-            outcome_of=outcome_of,
-        )
-
-    def is_better(self, filled: FilledHull, best: FilledHull | None) -> bool:
-        """Whether a filled hull is better than the best, or the first."""
-        return best is None or rank(filled.draft, self.options) < rank(best.draft, self.options)
 
     def _finish(
         self, problem: HullProblem, draft: HullDraft, best: FilledHull | None
@@ -473,13 +370,4 @@ class Attempts:
             directions=directions,
             outcome_of=np.arange(len(directions)),
         )
-        return self.judge(filled)
-
-    def judge(self, filled: FilledHull) -> FilledHull:
-        """Judge the prints of a filled hull that is right otherwise."""
-        prints = None
-        if self.judge_prints is not None and missing(filled.draft, self.options) == 0.0:
-            surface = self.surface.with_points(filled.points)
-            faces = filled.directions, filled.outcome_of
-            prints = self.judge_prints(surface, filled.center_of_mass, *faces)
-        return replace(filled, draft=replace(filled.draft, prints=prints))
+        return judge(filled, self.surface, self.options, self.judge_prints)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from dicedesign.concave.options import ConcaveOptions
@@ -202,3 +202,23 @@ def angle_penalty(apart: float, margin: float, options: ConcaveOptions) -> float
         if least > 0.0:
             total += min(max((preferred - angle / least) / (preferred - 1.0), 0.0), 1.0)
     return total
+
+
+def is_better(filled: FilledHull, best: FilledHull | None, options: ConcaveOptions) -> bool:
+    """Whether a filled hull is better than the best, or the first."""
+    return best is None or rank(filled.draft, options) < rank(best.draft, options)
+
+
+def judge(
+    filled: FilledHull,
+    surface: Surface,
+    options: ConcaveOptions,
+    judge_prints: JudgePrints | None,
+) -> FilledHull:
+    """Judge the prints of a filled hull that is right otherwise. surface: has its triangles."""
+    prints = None
+    if judge_prints is not None and missing(filled.draft, options) == 0.0:
+        bent = surface.with_points(filled.points)
+        faces = filled.directions, filled.outcome_of
+        prints = judge_prints(bent, filled.center_of_mass, *faces)
+    return replace(filled, draft=replace(filled.draft, prints=prints))

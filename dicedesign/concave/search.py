@@ -11,6 +11,7 @@ from typing import Any
 
 from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.attempt import Attempts
+from dicedesign.concave.bent_attempt import BentAttempts
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import (
     ConcaveDie,
@@ -19,7 +20,9 @@ from dicedesign.concave.result import (
     Hollow,
     JudgePrints,
     eye_cost,
+    is_better,
     is_right,
+    judge,
     prints_above_preferred,
 )
 from dicedesign.errors import NoStartError
@@ -126,7 +129,7 @@ def make_concave_die(
         """Whether attempts or time are used up, or the best die has converged and is near the
         original or the best of enough attempts; more attempts if its prints could be better."""
         best, done = progress.best, progress.attempts
-        if done >= min(options.attempts, attempts.most):
+        if done >= most:
             return True
         if options.seconds is not None and done > 0 and seconds() >= options.seconds:
             return True
@@ -138,11 +141,17 @@ def make_concave_die(
             return done >= PATIENCE * options.enough
         return best.draft.displacement <= options.displacement or done >= options.enough
 
-    attempts = Attempts(surface, target, options, seed, record, wall, judge_prints)
+    shared = surface, target, options
+    attempts: Attempts | BentAttempts = Attempts(*shared, seed, record, wall, judge_prints)
+    most = options.attempts
+    if options.rests == "several":
+        attempts = BentAttempts(*shared, record, wall, judge_prints)
+        most = min(most, len(attempts.ways))
     with one_thread():
         if progress.best is not None:
             # The size or the printer may be others.
-            progress = replace(progress, best=attempts.judge(progress.best))
+            known = judge(progress.best, surface, options, judge_prints)
+            progress = replace(progress, best=known)
         while not has_ended():
             number, begun = progress.attempts + 1, seconds()
             steps.clear()
@@ -151,7 +160,7 @@ def make_concave_die(
             if filled is not None:
                 draft = replace(filled.draft, attempt=number, seconds=seconds() - begun)
                 filled, tried = replace(filled, draft=draft), (*tried, draft)
-            if filled is not None and attempts.is_better(filled, best):
+            if filled is not None and is_better(filled, best, options):
                 best, history = filled, tuple(steps)
             elif best is None:
                 history = tuple(steps)

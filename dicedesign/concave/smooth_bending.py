@@ -46,7 +46,7 @@ STEPS = 80
 MAX_STEP = 0.01
 """Maximum displacement, or shift of the center of mass, of a step, over the diagonal."""
 
-PATIENCE = 4
+PATIENCE = 8
 """Number of failed steps after which slopes are computed again."""
 
 GOOD_STEP = 0.3
@@ -55,7 +55,7 @@ GOOD_STEP = 0.3
 SHORTER = 0.5
 """Largest displacement of a try, over that of the one before."""
 
-DECREASE = 0.1
+DECREASE = 0.01
 """Share of the predicted decrease of the error that a step must achieve (Armijo condition)."""
 
 SAME_ANGLE = np.radians(3.0)

@@ -113,20 +113,20 @@ def printable_solid(surface: Surface) -> tuple[Surface, tuple[str, ...]]:
 
 
 def assess_surface(
-    design_result: ConcaveDie,
+    die: Design,
     solid: Solid,
     plain: Assessment,
     wanted: ConcaveOptions,
     repaired: RepairedMesh | None,
-    within: float,
 ) -> tuple[Concave, SurfaceQuality, list[Status]]:
     """Assess the file of a concave die: its record for the result, the quality of the designed
     surface, and its flaws, the worst first.
 
     plain: rests and outcomes of the file; repaired: the mesh that the surface was made from, if it
-    was repaired; within: see `Design`.
+    was repaired.
     """
-    surface = plain.body.surface
+    assert die.reshaped is not None
+    design_result, surface = die.reshaped, plain.body.surface
     # Distance of corners of the designed hull from the surface, and of the surface outside of it.
     designed = convex_hull(solid.hull_points)
     outside = -float(designed.least_depths(plain.poses.hull.vertices).min())
@@ -135,7 +135,7 @@ def assess_surface(
     crossings = len(intersecting_triangles(surface.points, surface.triangles))
     start, after = design_result.before, design_result.after
     faces = design_result.directions, plain.target.outcome_of_face
-    before = outcome_probabilities(rest_poses(start), *faces, within)
+    before = outcome_probabilities(rest_poses(start), *faces, die.within)
     moved = norms(after.points - start.points) / start.diagonal
     quality = surface_quality(after, start)
     sentences = list(quality.sentences()) or [

@@ -417,12 +417,7 @@ def check(work: Work) -> None:
         from dicedesign.fabricate.surface_assessment import assess_surface
 
         work.concave, work.quality, more = assess_surface(
-            die.reshaped,
-            solid,
-            work.plain,
-            work.recipe.method.options,
-            work.repaired,
-            die.within,
+            die, solid, work.plain, work.recipe.method.options, work.repaired
         )
         flaws += more
     if die.status is not Status.CONVERGED:

@@ -6,15 +6,21 @@ from itertools import product
 
 import numpy as np
 import pytest
+from common.bodies import write_mesh
 from common.bumpy import bumpy_sphere
 
 from dicedesign.balance.cavity import reach
+from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.rest_groups import group_rests, outcome_gap, share_groups
 from dicedesign.concave.smooth_bending import SmoothBending
+from dicedesign.errors import InputError
 from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.meshes.reading import read_stl
 from dicedesign.geometry.triangles import Surface
+from dicedesign.recipe.pipeline import run
 from dicedesign.rest.poses import RestPoses, analyze, rest_poses
 from dicedesign.rest.roll import roll
+from dicedesign.results.result import Result
 
 TARGET = np.array([0.5, 0.3, 0.2])
 
@@ -130,3 +136,58 @@ def test_a_cavity_leaves_the_surface_as_it_is(surface: Surface, poses: RestPoses
     near = (moved.normals @ bent.poses.normals.T).argmax(axis=1)
     sums = np.bincount(bent.outcomes[near], moved.probabilities, 3)
     np.testing.assert_allclose(sums, TARGET, rtol=0, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def die(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    """Die of the bumpy sphere, with labels."""
+    folder = tmp_path_factory.mktemp("several")
+    given = bumpy_sphere(2)
+    write_mesh(folder / "ball.obj", given.points, given.triangles)
+    recipe = {
+        "name": "several",
+        "target": {"probabilities": TARGET.tolist(), "labels": ["A", "B", "C"]},
+        "start": {"mesh": {"path": str(folder / "ball.obj")}},
+        "method": {"concave": {"rests": "several", "attempts": 3}},
+        "print": None,
+        "size_mm": 60,
+        "engrave": {"balance": "shape"},
+        "figures": False,
+        "report": False,
+    }
+    return run(recipe, folder / "die")
+
+
+def test_the_files_have_the_probabilities(die: Result) -> None:
+    """The rests of the files are matched with the listed facets here."""
+    assert die.status == "converged", die.message
+    assert die.folder is not None
+    outcomes = [die.labels.index(facet.outcome) for facet in die.facets]
+    normals = np.array([facet.normal for facet in die.facets])
+    assert len(outcomes) > 3
+    for name, within in (("die_plain.stl", 1e-6), ("die.stl", 1e-6)):
+        poses = rest_poses(read_stl((die.folder / name).read_bytes()))
+        nearest = (poses.normals @ normals.T).argmax(axis=1)
+        sums = np.bincount(np.array(outcomes)[nearest], poses.probabilities, 3)
+        np.testing.assert_allclose(sums, TARGET, rtol=0, atol=within)
+
+
+def test_the_surface_hardly_changes(die: Result) -> None:
+    assert die.concave is not None
+    assert die.concave.displacement.mean < 0.002
+    turns = die.concave.surface_quality["turns"]
+    assert turns["mean_degrees"] < 1.0
+    assert turns["peaks"] == 0
+    assert die.elsewhere == 0.0
+    assert die.least_angle_deg >= 5.0
+
+
+def test_each_outcome_has_a_main_rest_with_a_label(die: Result) -> None:
+    labeled = [facet.label for facet in die.facets if facet.label is not None]
+    assert set(labeled) == {"A", "B", "C"}
+    assert die.engraved is not None
+
+
+def test_the_paper_has_one_rest_for_an_outcome() -> None:
+    with pytest.raises(InputError, match="rests: expected one with hull: paper"):
+        ConcaveOptions(rests="several", hull="paper")
