@@ -30,7 +30,7 @@ from dicedesign.runtime.arrays import Floats, Integers
 BARRIERS = (0.003, 0.001, 0.0003, 0.01)
 """Barriers of `group_rests`, over the diagonal, in the order in which they take turns."""
 
-WAYS = 6
+WAYS = 10
 """Maximum number of ways to share out the groups of each barrier."""
 
 BENT_TOLERANCE = 1e-9
