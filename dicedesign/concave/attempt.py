@@ -34,7 +34,9 @@ from dicedesign.concave.result import (
     FilledHull,
     JudgePrints,
     angle_penalty,
+    is_better,
     is_right,
+    judge,
     missing,
     prints_above_preferred,
     rank,
@@ -142,8 +144,8 @@ class Attempts:
             self.surface.with_points((self.surface.points - self.center) / self.radius),
             self.target,
             tolerance=DESIGN_SHARE * options.tolerance,
-            apart=math.radians(options.apart_deg),
-            margin=math.radians(options.margin_deg),
+            apart=math.radians(options.least_angles[0]),
+            margin=math.radians(options.least_angles[1]),
             clearance=CLEARANCE if options.hull == "gauss_newton" else 0.0,
             coarse=options.hull == "gauss_newton",
         )
@@ -192,7 +194,7 @@ class Attempts:
                 filled = self._fill_about_cavity(draft, best, self.wall, move)
             if filled is None:
                 break
-            if self.is_better(filled, best_fill):
+            if is_better(filled, best_fill, self.options):
                 best_fill = filled
             if filled.draft.self_intersections > 0 and metric is NEAREST:
                 metric = UNCROSSED
@@ -233,7 +235,7 @@ class Attempts:
         problem = with_room(self.problem.surface, SAFE_REACH)
         nearer = move(problem, draft)
         filled = self._finish(problem, nearer, best)
-        if filled is None or not self.is_better(filled, best):
+        if filled is None or not is_better(filled, best, self.options):
             return filled
         if not has_room(filled):
             # Begin with a solid die, which has more room when it is bent less.
@@ -250,17 +252,13 @@ class Attempts:
                 break
             further = move(problem, nearer)
             following = self._finish(problem, further, filled)
-            if following is None or not self.is_better(following, filled):
+            if following is None or not is_better(following, filled, self.options):
                 break
             if has_room(following):
                 nearer, filled = further, following
             else:
                 share *= REACH_FACTOR
         return filled
-
-    def is_better(self, filled: FilledHull, best: FilledHull | None) -> bool:
-        """Whether a filled hull is better than the best, or the first."""
-        return best is None or rank(filled.draft, self.options) < rank(best.draft, self.options)
 
     def _finish(
         self, problem: HullProblem, draft: HullDraft, best: FilledHull | None
@@ -370,13 +368,6 @@ class Attempts:
             hull_points=self.center + self.radius * back(design.hull.vertices),
             center_of_mass=self.center + self.radius * (solid.centroid + shift),
             directions=directions,
+            outcome_of=np.arange(len(directions)),
         )
-        return self.judge(filled)
-
-    def judge(self, filled: FilledHull) -> FilledHull:
-        """Judge the prints of a filled hull that is right otherwise."""
-        prints = None
-        if self.judge_prints is not None and missing(filled.draft, self.options) == 0.0:
-            surface = self.surface.with_points(filled.points)
-            prints = self.judge_prints(surface, filled.center_of_mass, filled.directions)
-        return replace(filled, draft=replace(filled.draft, prints=prints))
+        return judge(filled, self.surface, self.options, self.judge_prints)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
@@ -16,6 +17,7 @@ from dicedesign.optimize.options import (
 )
 from dicedesign.optimize.starts.start import StartKind, StartSurface
 from dicedesign.runtime.registry import Options
+from dicedesign.tolerances import FILE_ANGLE, LEAST_MARGIN, SAME_REST_ANGLE
 
 
 class HullWeights(PaperWeights):
@@ -101,15 +103,17 @@ class ConcaveOptions(Options):
     ----------
     tolerance: largest |p - q| over clusters of rests within 5 degrees, and largest total
         probability of all other rests; above 0 and below 1.
+    rests: "one" for each outcome, or "several": rests are shared out among the outcomes, and the
+        surface is bent smoothly and by very little, or not at all if it is hollow.
     hull: design of the hull: "gauss_newton", or "paper" for descent on the clustered energy with
         its regularizers.
     fill: fill of the hull by the surface: "correspondence", or "paper" for quadratic programs and a
         correction of the center of mass.
     paper: options of "paper" above, or None for the defaults.
     apart_deg: minimum angle between the rests of two outcomes, in degrees; at least 0 and below
-        180.
+        180. With several rests for an outcome 5, and 25 is preferred.
     margin_deg: minimum angle by which the die can be tipped without leaving an outcome, in degrees;
-        at least 0 and below 90.
+        at least 0 and below 90. With several rests for an outcome 0.1.
     prints_within: largest mean total variation of prints from the target; above 0 and at most 1.
     hollow: cavities that move the center of mass, so that the surface needs less bending; None for
         a solid die.
@@ -125,6 +129,7 @@ class ConcaveOptions(Options):
     """
 
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.005
+    rests: Literal["one", "several"] = "one"
     hull: Literal["gauss_newton", "paper"] = "gauss_newton"
     fill: Literal["correspondence", "paper"] = "correspondence"
     paper: ConcavePaperOptions | None = None
@@ -138,8 +143,19 @@ class ConcaveOptions(Options):
     enough: Annotated[int, Field(ge=1)] = 24
     seconds: Positive | None = None
 
+    @property
+    def least_angles(self) -> tuple[float, float]:
+        """Required angles: between two outcomes, and of tipping, in degrees."""
+        if self.rests == "one":
+            return self.apart_deg, self.margin_deg
+        return math.degrees(SAME_REST_ANGLE + FILE_ANGLE), math.degrees(LEAST_MARGIN + FILE_ANGLE)
+
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.rests == "several" and "paper" in (self.hull, self.fill):
+            raise InputError(
+                "rests: expected one with hull: paper or fill: paper, got several; leave paper out"
+            )
         if self.paper is not None and "paper" not in (self.hull, self.fill):
             raise InputError(
                 f"paper: expected hull: paper or fill: paper with it, got {self.hull} and "

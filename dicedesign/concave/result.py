@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from dicedesign.concave.options import ConcaveOptions
+from dicedesign.concave.rest_groups import PREFERRED_GAP
 from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.triangles import Surface
 from dicedesign.results.parts import Draft
 from dicedesign.results.result import Step
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 OnEnergy: TypeAlias = Callable[[float], None]
 """Callback that receives the energy at the start and after every accepted step."""
 
-JudgePrints: TypeAlias = Callable[[Surface, Floats, Floats], float]
+JudgePrints: TypeAlias = Callable[[Surface, Floats, Floats, Integers], float]
 """Mean total variation of prints of a surface with a center of mass (3,) from the target, for down
-directions (k, 3) of the outcomes."""
+directions (f, 3) and the outcome (f,) of each."""
 
 Fill: TypeAlias = tuple[Floats, float]
 """Points (n, 3) of a surface that fills a hull, in their original order, and the final energy; each
@@ -36,7 +38,7 @@ class FilledHull:
     hull_points: (v, 3) vertices of the designed hull, aligned by this similarity.
     center_of_mass: (3,) center of mass to which the probabilities belong: of the uniform solid, or
         where cavities are to move it.
-    directions: (k, 3) unit down directions of the outcomes.
+    directions: (f, 3) unit down directions of the outcomes; outcome_of: (f,) outcome of each.
     """
 
     draft: Draft
@@ -44,6 +46,7 @@ class FilledHull:
     hull_points: Floats
     center_of_mass: Floats
     directions: Floats
+    outcome_of: Integers
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,8 @@ class ConcaveDie:
     before: original surface, remeshed if the options say so.
     after: surface of the die, with the triangles of `before` and about its place and size.
     hull: designed hull.
-    directions: (k, 3) down directions of the outcomes, in the order of the target.
+    directions: (f, 3) down directions of the outcomes, in the order of the target.
+    outcome_of: (f,) outcome of each.
     hull_corners: numbers of vertices of the hulls before and after.
     progress: final state of the search.
     hollow: required cavities; None for a solid die.
@@ -98,6 +102,7 @@ class ConcaveDie:
     after: Surface
     hull: ConvexHull
     directions: Floats
+    outcome_of: Integers
     hull_corners: tuple[int, int]
     progress: ConcaveProgress
     hollow: Hollow | None = None
@@ -134,7 +139,8 @@ PRINT_PENALTY = 4.0
 def missing(die: Draft, options: ConcaveOptions) -> float:
     """Sum of the relative violations by probabilities, angles and self-intersections of the file; 0
     for a die that is right in it."""
-    angles = (die.apart_deg, options.apart_deg), (die.margin_deg, options.margin_deg)
+    apart, margin = options.least_angles
+    angles = (die.apart_deg, apart), (die.margin_deg, margin)
     violation = shortfall(die.error, options.tolerance, *angles)
     if die.self_intersections > 0:
         violation += INTERSECTION_SHORTFALL + die.self_intersections / MOST_EASED
@@ -149,11 +155,31 @@ def is_right(die: Draft, options: ConcaveOptions) -> bool:
 def rank(die: Draft, options: ConcaveOptions) -> tuple[float, float, float]:
     """Sort key, best first: violations of the file, prints beyond their limit, then the
     displacement times 1 + `angle_penalty`, and more for prints that are off by more than the
-    preferred share of their limit."""
+    preferred share of their limit. With several rests for an outcome the last is `eye_cost`."""
+    beyond = (die.prints or 0.0) if die.is_fragile(options.prints_within) else 0.0
+    if options.rests == "several":
+        return missing(die, options), beyond, eye_cost(die)
     penalty = angle_penalty(die.apart_deg, die.margin_deg, options)
     penalty += PRINT_PENALTY * prints_above_preferred(die, options)
-    beyond = (die.prints or 0.0) if die.is_fragile(options.prints_within) else 0.0
     return missing(die, options), beyond, (1.0 + penalty) * die.displacement
+
+
+COST_DISPLACEMENT = 0.005
+"""Mean displacement over the diagonal that costs 1."""
+
+COST_PRINTS = 0.01
+"""Mean total variation of prints that costs 1."""
+
+COST_GAP_DEG = 10.0
+"""Angle that costs 1 if two outcomes are nearer to each other than `PREFERRED_GAP` by it."""
+
+
+def eye_cost(die: Draft) -> float:
+    """What a die with several rests for an outcome costs: displacement, prints that are off, and
+    outcomes that are hard to tell apart, each 1 where it begins to matter."""
+    near = max(math.degrees(PREFERRED_GAP) - die.apart_deg, 0.0)
+    off = die.displacement / COST_DISPLACEMENT + (die.prints or 0.0) / COST_PRINTS
+    return off + near / COST_GAP_DEG
 
 
 def prints_above_preferred(die: Draft, options: ConcaveOptions) -> float:
@@ -176,3 +202,23 @@ def angle_penalty(apart: float, margin: float, options: ConcaveOptions) -> float
         if least > 0.0:
             total += min(max((preferred - angle / least) / (preferred - 1.0), 0.0), 1.0)
     return total
+
+
+def is_better(filled: FilledHull, best: FilledHull | None, options: ConcaveOptions) -> bool:
+    """Whether a filled hull is better than the best, or the first."""
+    return best is None or rank(filled.draft, options) < rank(best.draft, options)
+
+
+def judge(
+    filled: FilledHull,
+    surface: Surface,
+    options: ConcaveOptions,
+    judge_prints: JudgePrints | None,
+) -> FilledHull:
+    """Judge the prints of a filled hull that is right otherwise. surface: has its triangles."""
+    prints = None
+    if judge_prints is not None and missing(filled.draft, options) == 0.0:
+        bent = surface.with_points(filled.points)
+        faces = filled.directions, filled.outcome_of
+        prints = judge_prints(bent, filled.center_of_mass, *faces)
+    return replace(filled, draft=replace(filled.draft, prints=prints))

@@ -11,6 +11,7 @@ from typing import Any
 
 from dicedesign.balance.regions import is_shifted
 from dicedesign.concave.attempt import Attempts
+from dicedesign.concave.bent_attempt import BentAttempts
 from dicedesign.concave.options import ConcaveOptions
 from dicedesign.concave.result import (
     ConcaveDie,
@@ -18,7 +19,10 @@ from dicedesign.concave.result import (
     FilledHull,
     Hollow,
     JudgePrints,
+    eye_cost,
+    is_better,
     is_right,
+    judge,
     prints_above_preferred,
 )
 from dicedesign.errors import NoStartError
@@ -30,6 +34,9 @@ from dicedesign.runtime import checkpoint
 from dicedesign.runtime.arrays import Floats
 from dicedesign.runtime.checkpoint import Arrays
 from dicedesign.runtime.workers import one_thread
+
+SMALL_COST = 2.0
+"""Value of `eye_cost` up to which a die is good enough."""
 
 PATIENCE = 1.5
 """Factor of `ConcaveOptions.enough` while prints of the best die could be better."""
@@ -122,21 +129,29 @@ def make_concave_die(
         """Whether attempts or time are used up, or the best die has converged and is near the
         original or the best of enough attempts; more attempts if its prints could be better."""
         best, done = progress.best, progress.attempts
-        if done >= options.attempts:
+        if done >= most:
             return True
         if options.seconds is not None and done > 0 and seconds() >= options.seconds:
             return True
         if best is None or not is_right(best.draft, options):
             return False
+        if options.rests == "several":
+            return eye_cost(best.draft) <= SMALL_COST or done >= options.enough
         if prints_above_preferred(best.draft, options) > 0.0:
             return done >= PATIENCE * options.enough
         return best.draft.displacement <= options.displacement or done >= options.enough
 
-    attempts = Attempts(surface, target, options, seed, record, wall, judge_prints)
+    shared = surface, target, options
+    attempts: Attempts | BentAttempts = Attempts(*shared, seed, record, wall, judge_prints)
+    most = options.attempts
+    if options.rests == "several":
+        attempts = BentAttempts(*shared, record, wall, judge_prints)
+        most = min(most, len(attempts.ways))
     with one_thread():
         if progress.best is not None:
             # The size or the printer may be others.
-            progress = replace(progress, best=attempts.judge(progress.best))
+            known = judge(progress.best, surface, options, judge_prints)
+            progress = replace(progress, best=known)
         while not has_ended():
             number, begun = progress.attempts + 1, seconds()
             steps.clear()
@@ -145,7 +160,7 @@ def make_concave_die(
             if filled is not None:
                 draft = replace(filled.draft, attempt=number, seconds=seconds() - begun)
                 filled, tried = replace(filled, draft=draft), (*tried, draft)
-            if filled is not None and attempts.is_better(filled, best):
+            if filled is not None and is_better(filled, best, options):
                 best, history = filled, tuple(steps)
             elif best is None:
                 history = tuple(steps)
@@ -162,5 +177,6 @@ def make_concave_die(
     if wall is not None and is_shifted(after, best.center_of_mass):
         hollow = Hollow(wall, best.center_of_mass)
     hull = convex_hull(best.hull_points)
-    corners = len(attempts.problem.whole_hull.vertices), len(best.hull_points)
-    return ConcaveDie(surface, after, hull, best.directions, corners, progress, hollow)
+    corners = len(convex_hull(surface.points).vertices), len(best.hull_points)
+    faces = best.directions, best.outcome_of
+    return ConcaveDie(surface, after, hull, *faces, corners, progress, hollow)

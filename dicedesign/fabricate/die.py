@@ -56,6 +56,7 @@ class Design:
     reshaped: surfaces before and after of a concave die, else None.
     prior: of start orientations, or None for the uniform one.
     outcome_of: (f,) outcome that each face shows; None for one outcome each.
+    within: largest angle in radians from a face's own rest to others that count for its outcome.
     symmetry: name of its point group, or None.
     throw_bias: (f,) logarithms of thrown probabilities of the faces over those in the momentum
         model, or None if they are not known.
@@ -75,6 +76,7 @@ class Design:
     reshaped: ConcaveDie | None = None
     prior: Prior | None = None
     outcome_of: Integers | None = None
+    within: float = SAME_REST_ANGLE
     symmetry: str | None = None
     throw_bias: Floats | None = None
 
@@ -92,6 +94,10 @@ class Design:
         )
         bias = None if self.throw_bias is None else self.throw_bias[order]
         return replace(self, directions=self.directions[order], rounds=rounds, throw_bias=bias)
+
+
+MARKED_PROBABILITY = 0.05
+"""Probability from which on a rest gets a label of its own, where outcomes have several."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +153,19 @@ class Assessment:
             yield Status.CROWDED
         if self.margins.min() < LEAST_MARGIN:
             yield Status.UNSTEADY
+
+    def shown_faces(self, least: float) -> Integers:
+        """(m,) faces whose own rests have at least a probability, and the most probable of each
+        outcome; all faces if there is one for each outcome."""
+        if not self.target.has_repeated_labels:
+            return np.arange(len(self.outcomes.main))
+        main, outcome_of = self.outcomes.main, self.target.outcome_of_face
+        shares = np.where(main >= 0, self.poses.probabilities[main], 0.0)
+        best = [
+            np.flatnonzero(outcome_of == k)[shares[outcome_of == k].argmax()]
+            for k in range(len(self.target.labels))
+        ]
+        return np.union1d(np.flatnonzero(shares >= least), best)
 
     @cached_property
     def facets(self) -> tuple[FacetOfDie, ...]:
@@ -293,6 +312,7 @@ def assess_file(
     target: Target,
     center_of_mass: Floats | None = None,
     prior: Prior | None = None,
+    within: float = SAME_REST_ANGLE,
 ) -> Assessment:
     """Read a file back and compute its rests and outcomes.
 
@@ -303,6 +323,7 @@ def assess_file(
     target: wanted probabilities.
     center_of_mass: (3,) in the file's coordinates, or None for the uniform solid.
     prior: of start orientations in the file's coordinates, or None for the uniform one.
+    within: see `Design`.
 
     Raises
     ------
@@ -310,5 +331,5 @@ def assess_file(
     """
     body = read_stl(data)
     poses = rest_poses(body, center_of_mass).under(prior)
-    outcomes = outcome_probabilities(poses, directions, target.outcome_of_face)
+    outcomes = outcome_probabilities(poses, directions, target.outcome_of_face, within)
     return Assessment(body, poses, outcomes, target)

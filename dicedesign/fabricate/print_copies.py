@@ -38,7 +38,7 @@ from dicedesign.runtime.arrays import Floats, Integers, sums_by_index
 from dicedesign.throws.goodness_of_fit import LEVEL, chances_noticed
 from dicedesign.throws.momentum_model import MomentumMixture
 from dicedesign.throws.momentum_probabilities import thrown_probabilities
-from dicedesign.tolerances import COPLANAR_TOLERANCE_FLOAT32
+from dicedesign.tolerances import COPLANAR_TOLERANCE_FLOAT32, SAME_REST_ANGLE
 
 COPIES = 64
 """Number of copies: their mean is known to an eighth of their spread."""
@@ -147,6 +147,7 @@ class PrintedCopies:
     volume: of the body.
     axes: (3, 3) axes of the printer in the body's coordinates, one per row, the last up.
     outcome_of: (f,) outcome of each face; None for one each.
+    within: largest angle in radians from a face's own rest to others that count for its outcome.
     mixture: momentum model of the table that the die is thrown onto; None for a die set down.
     """
 
@@ -158,6 +159,7 @@ class PrintedCopies:
     volume: float
     axes: Floats
     outcome_of: Integers | None = None
+    within: float = SAME_REST_ANGLE
     mixture: MomentumMixture | None = None
 
     @classmethod
@@ -171,6 +173,7 @@ class PrintedCopies:
         *,
         is_flat: bool,
         outcome_of: Integers | None = None,
+        within: float = SAME_REST_ANGLE,
         mixture: MomentumMixture | None = None,
         copies: int = COPIES,
     ) -> PrintedCopies:
@@ -190,7 +193,7 @@ class PrintedCopies:
         squares, volume = second_moments(radii, surface.triangles, np)
         inside = np.asarray(squares / volume)
         known = poses, directions, draws, is_flat, inside, float(volume), axes
-        return cls(*known, outcome_of, mixture)
+        return cls(*known, outcome_of, within, mixture)
 
     def probabilities(self, errors: PrintErrors, layer_mm: float) -> Floats:
         """Probabilities of the copies, (c, k + 1): of the outcomes, and elsewhere, where copies
@@ -234,7 +237,8 @@ class PrintedCopies:
         if self.mixture is not None:
             inertia = poses.hull.surface.inertia
             probabilities = thrown_probabilities(poses, inertia, self.mixture)
-        found = assign_rests(poses.normals, probabilities, self.directions, self.outcome_of)
+        faces = self.directions, self.outcome_of, self.within
+        found = assign_rests(poses.normals, probabilities, *faces)
         return np.array([*found.probabilities, found.elsewhere])
 
     def _near_places(self, errors: PrintErrors, layer_mm: float) -> Integers:

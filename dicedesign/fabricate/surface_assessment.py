@@ -63,7 +63,7 @@ def solid_of_surface(die: Design, design_result: ConcaveDie, size_mm: float) -> 
         points=surface.points,
         triangles=surface.triangles,
         poses=poses,
-        outcomes=outcome_probabilities(poses, die.directions, die.outcome_of),
+        outcomes=outcome_probabilities(poses, die.directions, die.outcome_of, die.within),
         center_of_mass=None,
         hull_points=(die.hull.vertices - center) * scale,
         changes=changes,
@@ -113,7 +113,7 @@ def printable_solid(surface: Surface) -> tuple[Surface, tuple[str, ...]]:
 
 
 def assess_surface(
-    design_result: ConcaveDie,
+    die: Design,
     solid: Solid,
     plain: Assessment,
     wanted: ConcaveOptions,
@@ -125,7 +125,8 @@ def assess_surface(
     plain: rests and outcomes of the file; repaired: the mesh that the surface was made from, if it
     was repaired.
     """
-    surface = plain.body.surface
+    assert die.reshaped is not None
+    design_result, surface = die.reshaped, plain.body.surface
     # Distance of corners of the designed hull from the surface, and of the surface outside of it.
     designed = convex_hull(solid.hull_points)
     outside = -float(designed.least_depths(plain.poses.hull.vertices).min())
@@ -133,9 +134,8 @@ def assess_surface(
     gap = max(inside, outside, 0.0) / surface.diagonal
     crossings = len(intersecting_triangles(surface.points, surface.triangles))
     start, after = design_result.before, design_result.after
-    before = outcome_probabilities(
-        rest_poses(start), design_result.directions, plain.target.outcome_of_face
-    )
+    faces = design_result.directions, plain.target.outcome_of_face
+    before = outcome_probabilities(rest_poses(start), *faces, die.within)
     moved = norms(after.points - start.points) / start.diagonal
     quality = surface_quality(after, start)
     sentences = list(quality.sentences()) or [
@@ -170,13 +170,14 @@ def assess_surface(
     )
     # Outcomes that are nearer, or left earlier, are crowded or unsteady, as of any die.
     apart, margin = plain.outcomes.least_angle, plain.margins.min()
+    least_apart, least_margin = np.radians(wanted.least_angles)
     flaws = {
         Status.LOOSE: gap > FILLED_GAP,
         Status.SELF_INTERSECTING: crossings > 0,
         Status.OPEN: plain.poses.center_of_mass_source != "uniform solid",
         Status.UNPRINTABLE: not is_printable,
-        Status.TOO_NEAR: SAME_REST_ANGLE <= apart < np.radians(wanted.apart_deg) - FILE_ANGLE,
-        Status.TIPPY: LEAST_MARGIN <= margin < np.radians(wanted.margin_deg) - FILE_ANGLE,
+        Status.TOO_NEAR: SAME_REST_ANGLE <= apart < least_apart - FILE_ANGLE,
+        Status.TIPPY: LEAST_MARGIN <= margin < least_margin - FILE_ANGLE,
     }
     return record, quality, [status for status, holds in flaws.items() if holds]
 
@@ -198,17 +199,19 @@ def advise_on_surface(
         shown = np.flatnonzero(plain.outcomes.main >= 0)
         normals = plain.poses.normals[plain.outcomes.main[shown]]
         pairs = np.stack(np.triu_indices(len(shown), 1))
+        outcomes = plain.target.outcome_of_face[shown[pairs]]
+        pairs = pairs[:, outcomes[0] != outcomes[1]]
         angles = np.degrees(angle_between(*normals[pairs]))
         first, second = shown[pairs[:, angles.argmin()]]
         of_faces = plain.target.face_labels
-        wanted = max(method.apart_deg, np.degrees(SAME_REST_ANGLE))
+        wanted = max(method.least_angles[0], np.degrees(SAME_REST_ANGLE))
         yield (
             f"{of_faces[first]} and {of_faces[second]} are {angles.min():.3g} degrees apart, "
             f"wanted are {wanted:.3g}"
         )
     if {Status.UNSTEADY, Status.TIPPY} & set(flaws):
         margins = np.degrees(plain.margins)
-        wanted = max(method.margin_deg, np.degrees(LEAST_MARGIN))
+        wanted = max(method.least_angles[1], np.degrees(LEAST_MARGIN))
         for outcome in np.flatnonzero(margins < wanted).tolist():
             yield (
                 f"{labels[outcome]} tips over at {margins[outcome]:.3g} degrees, wanted are "

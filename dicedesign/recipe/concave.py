@@ -18,12 +18,13 @@ from dicedesign.geometry.hulls.hull import convex_hull
 from dicedesign.geometry.meshes.body import body_of
 from dicedesign.geometry.sphere import angle_between
 from dicedesign.geometry.triangles import Surface
+from dicedesign.optimize.targets import Target
 from dicedesign.recipe.pipeline import Work
 from dicedesign.rest.outcomes import outcome_probabilities
 from dicedesign.rest.poses import analyze, rest_poses
 from dicedesign.results.folder import CHECKPOINT
 from dicedesign.results.parts import Search, Status, TradeOff
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.runtime.files import atomic_write
 from dicedesign.runtime.interrupts import hold_interrupts
 from dicedesign.tolerances import SAME_REST_ANGLE
@@ -45,6 +46,9 @@ def design_concave(work: Work) -> Design:
     recipe, surface, options = work.recipe, work.surface, work.recipe.method.options
     assert surface is not None
     target = work.target.face_probabilities
+    is_shared = options.rests == "several"
+    if is_shared:
+        target = work.target.probabilities
     size = {} if options.hollow is None else {"size_mm": recipe.size_mm}
     choices = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
     # Searches with equal texts are identical, but for the size and the printer by which prints are
@@ -59,6 +63,7 @@ def design_concave(work: Work) -> Design:
     }
     path = None if work.folder is None else work.folder / CHECKPOINT
     progress = ConcaveProgress()
+    within = np.pi if is_shared else SAME_REST_ANGLE
 
     def report(latest: ConcaveProgress) -> None:
         nonlocal progress
@@ -71,7 +76,9 @@ def design_concave(work: Work) -> Design:
         work.callbacks.on_part(latest.attempts, options.attempts, "attempts")
         work.callbacks.on_attempt(line)
 
-    def judge_prints(bent: Surface, center: Floats, directions: Floats) -> float:
+    def judge_prints(
+        bent: Surface, center: Floats, directions: Floats, outcome_of: Integers
+    ) -> float:
         assert recipe.print is not None
         errors, printer = recipe.print.expected_errors, recipe.print.selected_printer
         scaled = (bent.points - center) * (recipe.size_mm / convex_hull(bent.points).diameter)
@@ -84,7 +91,8 @@ def design_concave(work: Work) -> Design:
             np.eye(3),
             errors.correlation_mm,
             is_flat=False,
-            outcome_of=work.target.outcome_of_face,
+            outcome_of=outcome_of if is_shared else work.target.outcome_of_face,
+            within=within,
         )
         worst = 0.0
         # How the finished die lies on the bed is not known yet.
@@ -115,6 +123,14 @@ def design_concave(work: Work) -> Design:
     progress, best = die.progress, die.progress.best
     center = None if die.hollow is None else die.hollow.center_of_mass
     poses = rest_poses(die.after, center)
+    if is_shared:
+        labels, wanted = np.array(work.target.labels, dtype=object), work.target.probabilities
+        outcomes = outcome_probabilities(poses, die.directions, die.outcome_of, within)
+        main = outcomes.main
+        shares = np.where(main >= 0, poses.probabilities[main], 0.0)
+        sums = np.bincount(die.outcome_of, shares, len(wanted))
+        shares *= (wanted / np.maximum(sums, np.finfo(np.float64).tiny))[die.outcome_of]
+        work.target = Target(tuple(labels[die.outcome_of].tolist()), shares)
     work.search = Search(
         attempts=progress.attempts,
         seconds=progress.seconds,
@@ -125,10 +141,13 @@ def design_concave(work: Work) -> Design:
         status=Status.UNCHANGED if best is None else Status.CONVERGED,
         hull=die.hull,
         directions=die.directions,
-        error=outcome_probabilities(poses, die.directions).error(target),
+        error=outcome_probabilities(
+            poses, die.directions, die.outcome_of if is_shared else None, within
+        ).error(target),
         steps=progress.history,
         reshaped=die,
         outcome_of=work.target.outcome_of_face,
+        within=within,
     )
 
 
@@ -144,11 +163,14 @@ def _keep_surface(surface: Surface, target: Floats, progress: ConcaveProgress) -
     directions = np.empty((len(target), 3))
     directions[np.argsort(-target, kind="stable")] = np.array(downs)[places]
     corners = len(poses.hull.vertices)
-    return ConcaveDie(surface, surface, poses.hull, directions, (corners, corners), progress)
+    outcome_of = np.arange(len(target))
+    return ConcaveDie(
+        surface, surface, poses.hull, directions, outcome_of, (corners, corners), progress
+    )
 
 
 def _trade_off(progress: ConcaveProgress, options: ConcaveOptions) -> TradeOff:
-    limits = options.tolerance, options.apart_deg, options.margin_deg, options.prints_within
+    limits = options.tolerance, *options.least_angles, options.prints_within
     return TradeOff(*limits, progress.tried)
 
 

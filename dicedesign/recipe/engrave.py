@@ -16,7 +16,7 @@ from dicedesign.fabricate.convex_object import (
     measure_resting,
     measure_thrown,
 )
-from dicedesign.fabricate.die import Assessment, assess_file
+from dicedesign.fabricate.die import MARKED_PROBABILITY, Assessment, assess_file
 from dicedesign.fabricate.engraving import (
     even_depths,
     labels_off_surface,
@@ -189,9 +189,9 @@ def _mark_surface(work: Work) -> None:
 
     options, solid, of_faces = work.recipe.engrave, work.solid, work.target.face_labels
     assert options is not None
-    main = work.plain.outcomes.main
-    require_rests(of_faces, main, "a side")
-    cut = [face for face, label in enumerate(of_faces) if label not in options.blank]
+    main, shown = work.plain.outcomes.main, work.plain.shown_faces(MARKED_PROBABILITY)
+    require_rests([of_faces[face] for face in shown], main[shown], "a side")
+    cut = [face for face in shown if of_faces[face] not in options.blank]
     labels, downs = [of_faces[face] for face in cut], work.plain.poses.normals[main[cut]]
     work.reading = Reading("marks")
     try:
@@ -288,7 +288,8 @@ def _finish(
         data = stl_bytes(join_surfaces(surface, inlay))
     verdict = None
     if work.solid.center_of_mass is None:
-        verdict = assess_file(data, work.die.directions, work.target, prior=work.die.prior)
+        die = work.die
+        verdict = assess_file(data, die.directions, work.target, prior=die.prior, within=die.within)
         _describe(work, verdict)
     work.engraved = replace(
         work.solid,

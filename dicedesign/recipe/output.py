@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dicedesign.errors import InputError
-from dicedesign.fabricate.die import FinishedDie
+from dicedesign.fabricate.die import MARKED_PROBABILITY, FinishedDie
 from dicedesign.fabricate.file_formats import (
     FILE_FORMATS,
     Contents,
@@ -58,7 +58,9 @@ def prepare_print(work: Work) -> None:
     else:
         if engraved is not None:
             # Marks are on top.
-            labels, normals = work.target.face_labels, -plain.poses.normals[plain.outcomes.main]
+            shown = plain.shown_faces(MARKED_PROBABILITY)
+            labels = tuple(work.target.face_labels[face] for face in shown)
+            normals = -plain.poses.normals[plain.outcomes.main[shown]]
         if work.solid.is_printable:
             shape = plain.body.surface
     surface = body.surface
@@ -103,6 +105,7 @@ def find_tolerances(work: Work) -> None:
         errors.correlation_mm,
         is_flat=is_flat,
         outcome_of=work.die.outcome_of,
+        within=work.die.within,
         mixture=None if table is None else momentum_model(table),
     )
     # Thrown probabilities of an exact print are known from counts only.
@@ -209,7 +212,8 @@ def _compute_probabilities(work: Work, solid: Surface) -> Floats:
     """(k,) probabilities of the outcomes of a solid in the die's coordinates."""
     poses = rest_poses(solid, work.solid.center_of_mass)
     die = work.die
-    return outcome_probabilities(poses, die.directions, die.outcome_of).probabilities
+    outcomes = outcome_probabilities(poses, die.directions, die.outcome_of, die.within)
+    return outcomes.probabilities
 
 
 def draw_figures(work: Work) -> None:

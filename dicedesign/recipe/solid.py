@@ -403,7 +403,9 @@ def check(work: Work) -> None:
     """Read die_plain.stl back, and set status and remarks."""
     die, solid = work.die, work.solid
     data = work.files["die_plain.stl"]
-    work.plain = assess_file(data, die.directions, work.target, solid.center_of_mass, die.prior)
+    work.plain = assess_file(
+        data, die.directions, work.target, solid.center_of_mass, die.prior, die.within
+    )
     if die.prior is not None:
         work.notes.append(
             f"all probabilities are under the prior {work.recipe.prior}, in the frame of "
@@ -415,7 +417,7 @@ def check(work: Work) -> None:
         from dicedesign.fabricate.surface_assessment import assess_surface
 
         work.concave, work.quality, more = assess_surface(
-            die.reshaped, solid, work.plain, work.recipe.method.options, work.repaired
+            die, solid, work.plain, work.recipe.method.options, work.repaired
         )
         flaws += more
     if die.status is not Status.CONVERGED:

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.patches import Patch
 
-from dicedesign.fabricate.die import FinishedDie
-from dicedesign.geometry.sphere import norms, unit_vectors
+from dicedesign.fabricate.die import Assessment, FinishedDie
+from dicedesign.geometry.sphere import angle_between, norms, unit_vectors
 from dicedesign.geometry.triangles import edge_keys
 from dicedesign.palette import ACCENT, DARK, FAINT, PALE, outcome_colors, rgb
 from dicedesign.report.bar_charts import Bars, chart_height, outcome_chart
@@ -45,7 +45,8 @@ from dicedesign.report.sheet import (
     picture_grid,
     with_style,
 )
-from dicedesign.runtime.arrays import Floats
+from dicedesign.rest.outcomes import RARE_REST
+from dicedesign.runtime.arrays import Floats, Integers
 
 if TYPE_CHECKING:
     from dicedesign.balance.balanced import Balanced
@@ -217,18 +218,25 @@ def hull(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
 def rests(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
     """Die at rest on a table on each face, with its outcome's probability, above its underside.
 
-    The convex hull, with tinted rests, is drawn over the undersides. width: in inches.
+    Where outcomes have several rests, those that are not rare are shown, each with its own
+    probability, without poses that look like a more probable one. The convex hull, with tinted
+    rests, is drawn over the undersides. width: in inches.
     """
     assert die.reshaped is not None
     surface, outcomes, target = surface_of(die), die.plain.outcomes, die.plain.target
-    labels, probabilities = target.face_labels, outcomes.probabilities[target.outcome_of_face]
+    shown = die.plain.shown_faces(RARE_REST)
+    probabilities = outcomes.probabilities[target.outcome_of_face][shown]
+    if target.has_repeated_labels:
+        shown, probabilities = _distinct_poses(die.plain, shown)
+    labels = [target.face_labels[face] for face in shown]
     # One or two pictures need not be as wide as the sheet.
     count, columns = len(labels), grid_columns(width, max(VIEWS, min(REST_COLUMNS, len(labels))))
     size = cell_pixels(width, columns)
     # A face without a rest is drawn in the pose that was meant for it.
-    has_rest = (outcomes.main >= 0)[:, None]
-    rest_normals = die.plain.poses.normals[outcomes.main]
-    ups = -unit_vectors(np.where(has_rest, rest_normals, die.reshaped.directions))
+    main = outcomes.main[shown]
+    rest_normals = die.plain.poses.normals[main]
+    meant = die.reshaped.directions[shown]
+    ups = -unit_vectors(np.where((main >= 0)[:, None], rest_normals, meant))
     front = three_cameras(surface.points, die.upward)[0].direction
     levels = [_level_view(surface.points, up, front) for up in ups]
     cameras = [Camera(tilt_up(level, up), up) for level, up in zip(levels, ups, strict=True)]
@@ -250,6 +258,33 @@ def rests(die: FinishedDie, *, width: float = COLUMN_WIDTH) -> Sheet:
             pictures += views[row] + blank * [np.full_like(views[0], 255)]
             titles += texts[row] + blank * [""]
     return picture_grid(pictures, titles, columns, width)
+
+
+ALIKE = np.radians(20.0)
+"""Angle between two poses of an outcome up to which one picture shows both."""
+
+
+def _distinct_poses(plain: Assessment, faces: Integers) -> tuple[Integers, Floats]:
+    """Faces whose poses look different, outcome by outcome, the most probable first, and the
+    probabilities of all poses of the outcome that look like each."""
+    rests = plain.outcomes.main[faces]
+    faces, rests = faces[rests >= 0], rests[rests >= 0]
+    normals, probabilities = plain.poses.normals[rests], plain.poses.probabilities[rests]
+    outcome_of = plain.target.outcome_of_face[faces]
+    shown, sums = list[int](), list[float]()
+    for place in np.lexsort((-probabilities, outcome_of)).tolist():
+        alike = [
+            number
+            for number, other in enumerate(shown)
+            if outcome_of[other] == outcome_of[place]
+            and angle_between(normals[other], normals[place]) <= ALIKE
+        ]
+        if alike:
+            sums[alike[0]] += probabilities[place]
+        else:
+            shown.append(place)
+            sums.append(probabilities[place])
+    return faces[shown], np.array(sums)
 
 
 def _level_view(points: Floats, up: Floats, front: Floats) -> Floats:

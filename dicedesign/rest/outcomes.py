@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dicedesign.geometry.sphere import angle_between, norms
 from dicedesign.rest.poses import RestPoses
-from dicedesign.runtime.arrays import Floats, Integers
+from dicedesign.runtime.arrays import Booleans, Floats, Integers
 from dicedesign.tolerances import SAME_REST_ANGLE
 
 
@@ -31,7 +31,8 @@ class OutcomeProbabilities:
         face for each outcome unless said otherwise.
     outcome_of_rest: (r,) or -1.
     elsewhere: probabilities of all rests that count for none, together.
-    least_angle: between two faces' own rests, in radians; pi with fewer than two.
+    least_angle: between two faces' own rests, in radians; pi with fewer than two. Where outcomes
+        have several faces, between those of two outcomes, without rare ones (`RARE_REST`).
     """
 
     probabilities: Floats
@@ -82,7 +83,8 @@ def assign_rests(
     the rests that are nearer to it than to any other direction, if there are any.
 
     outcome_of: (f,) outcome that each face shows, from 0 to k - 1; None for one outcome each.
-    within: largest angle in radians of rests of one outcome, instead of `SAME_REST_ANGLE`.
+    within: largest angle in radians from a face's own rest to others that count for its outcome;
+        pi if each rest counts for the nearest face.
     """
     angles = angle_between(normals[:, None, :], directions[None, :, :])
     own = angles.argmin(axis=1)[:, None] == np.arange(len(directions))
@@ -96,21 +98,41 @@ def assign_rests(
     of_rest = np.where(nearest >= 0, of_face[shown[nearest]], -1)
     by_outcome = sums_by_outcome(probabilities, of_rest, int(of_face.max()) + 1)
     elsewhere = float(probabilities[of_rest < 0].sum())
-    own_normals = normals[main[shown]]
-    between = angle_between(own_normals[:, None], own_normals[None])
-    least = float(between[np.triu_indices(len(shown), 1)].min(initial=np.pi))
+    kept, outcomes = main[shown], of_face[shown]
+    is_apart = np.ones((len(shown), len(shown)), dtype=bool)
+    if len(by_outcome) < len(of_face):
+        is_kept = ~_is_rare(probabilities, of_rest, len(by_outcome))[kept]
+        kept, outcomes = kept[is_kept], outcomes[is_kept]
+        is_apart = outcomes[:, None] != outcomes
+    pairs = np.nonzero(np.triu(is_apart, 1))
+    least = float(angle_between(*normals[kept][np.array(pairs)]).min(initial=np.pi))
     return OutcomeProbabilities(by_outcome, main, of_rest, elsewhere, least)
+
+
+RARE_REST = 0.002
+"""Probability up to which a rest is rare, if its outcome has more probable ones: nobody sees it."""
+
+
+def _is_rare(probabilities: Floats, outcome_of_rest: Integers, outcomes: int) -> Booleans:
+    """(r,) whether rests are rare."""
+    best = np.zeros(outcomes + 1)
+    np.maximum.at(best, outcome_of_rest, probabilities)
+    return (probabilities <= RARE_REST) & (probabilities < best[outcome_of_rest])
 
 
 def outcome_margins(poses: RestPoses, outcomes: OutcomeProbabilities) -> Floats:
     """(k,) least angle in radians by which a body must be tipped to leave each outcome, from the
     normal of one of its rests to the nearest saddle with another outcome beyond; pi where there is
-    no such saddle, or no rest."""
+    no such saddle, or no rest. Where outcomes have several faces, rare rests do not count."""
     sides = outcomes.outcome_of_rest[poses.morse.saddle_basins]
-    leaves = sides[:, 0] != sides[:, 1]
-    margins = np.full(len(outcomes.probabilities) + 1, np.pi)
+    count = len(outcomes.probabilities)
+    margins = np.full(count + 1, np.pi)
+    is_rare = np.zeros(len(poses.normals), dtype=bool)
+    if count < len(outcomes.main):
+        is_rare = _is_rare(poses.probabilities, outcomes.outcome_of_rest, count)
     for basin, side in zip(poses.morse.saddle_basins.T, sides.T, strict=True):
         angles = angle_between(poses.normals[basin], poses.morse.saddles)
+        leaves = (sides[:, 0] != sides[:, 1]) & ~is_rare[basin]
         # The last place gathers rests of no outcome.
         np.minimum.at(margins, side[leaves], angles[leaves])
     return margins[:-1]

@@ -25,11 +25,12 @@ from dicedesign.geometry.sphere import angle_between, turns_down, unit_vectors
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.basins import Basins, find_basins, merged_rests, rest_basins
 from dicedesign.rest.equilibria import Equilibria
-from dicedesign.rest.tracing import trace_to_rests
+from dicedesign.rest.tracing import slide, trace_to_rests
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import (
     CLOSURE_TOLERANCE,
     NOTED_ROUNDING,
+    ROUNDING,
     VOLUME_TOLERANCE,
     WARP_TOLERANCE,
 )
@@ -121,6 +122,12 @@ class MorseComplex:
             np.concatenate([backward[:0:-1], forward])
             for forward, backward in zip(paths[::2], paths[1::2], strict=True)
         )
+
+    def basins_of(self, directions: Floats) -> Integers:
+        """(m,) the rest to which the body rolls from each unit down direction (m, 3)."""
+        lowest = (self.equilibria.radii @ directions.T).argmax(axis=0)
+        errors = np.full(len(directions), ROUNDING)
+        return self.basin_of_facet[slide(self.equilibria, lowest, directions, errors)[0]]
 
     @cached_property
     def basin_of_facet(self) -> Integers:

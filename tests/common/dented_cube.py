@@ -99,11 +99,12 @@ class MadeUpSearch:
             for step in history:
                 on_step(step)
             bent, downs = dented_cube(0.1 + 0.01 * attempt), NORMALS[: len(target)]
-            prints = None
+            places, prints = np.arange(len(downs)), None
             if judge_prints is not None and not self.leads_nowhere:
-                prints = judge_prints(bent, np.zeros(3), downs)
+                prints = judge_prints(bent, np.zeros(3), downs, places)
             draft = Draft(attempt, 0.6, 0.0, 0.01 * attempt, 90.0, 45.0, 0, prints)
-            best = FilledHull(draft, self.change(bent.points), CORNERS, np.zeros(3), downs)
+            points = self.change(bent.points)
+            best = FilledHull(draft, points, CORNERS, np.zeros(3), downs, places)
             progress = ConcaveProgress(
                 attempt,
                 0.6 * attempt,
@@ -116,5 +117,5 @@ class MadeUpSearch:
             raise NoStartError("start: expected a surface that leads to the target, got a cube")
         after = surface.with_points(progress.best.points)
         hull = convex_hull(progress.best.hull_points)
-        directions = progress.best.directions
-        return ConcaveDie(surface, after, hull, directions, (8, 8), progress, self.hollow)
+        faces = progress.best.directions, progress.best.outcome_of
+        return ConcaveDie(surface, after, hull, *faces, (8, 8), progress, self.hollow)

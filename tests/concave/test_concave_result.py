@@ -100,7 +100,7 @@ def make_progress() -> ConcaveProgress:
         Step(0, 0.1, 1.0 / 3.0, 0.25, stage="hull", attempt=3),
         Step(1, 0.2, 0.0, None, stage="fill", attempt=3),
     )
-    return ConcaveProgress(5, 12.7, FilledHull(draft, *arrays), (draft,), steps)
+    return ConcaveProgress(5, 12.7, FilledHull(draft, *arrays, np.arange(2)), (draft,), steps)
 
 
 def test_a_checkpoint_is_read_back_to_the_last_bit(tmp_path: Path) -> None:

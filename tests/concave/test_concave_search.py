@@ -28,7 +28,7 @@ from dicedesign.geometry.surfaces.self_intersections import intersecting_triangl
 from dicedesign.geometry.triangles import Surface
 from dicedesign.rest.outcomes import outcome_margins, outcome_probabilities
 from dicedesign.results.result import Step
-from dicedesign.runtime.arrays import Floats
+from dicedesign.runtime.arrays import Floats, Integers
 
 HALVES = np.array([0.5, 0.5])
 THIRDS = np.full(3, 1.0 / 3.0)
@@ -96,8 +96,8 @@ def test_the_die_whose_prints_are_best_is_kept() -> None:
     """Prints of all dice miss, and the last ones least."""
     judged: list[Surface] = []
 
-    def judge(surface: Surface, center: Floats, directions: Floats) -> float:
-        outcomes = outcome_probabilities(rest_poses(surface, center), directions)
+    def judge(surface: Surface, center: Floats, directions: Floats, outcome_of: Integers) -> float:
+        outcomes = outcome_probabilities(rest_poses(surface, center), directions, outcome_of)
         assert outcomes.error(HALVES) <= options.tolerance
         judged.append(surface)
         return 0.9 - 0.05 * len(judged)
