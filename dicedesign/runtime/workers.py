@@ -26,7 +26,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from dicedesign.errors import DiceError, InputError, missing_extra
-from dicedesign.runtime.interrupts import block_signals, obey_parent
+from dicedesign.runtime.interrupts import block_signals, hold_interrupts, obey_parent
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -350,22 +350,23 @@ def progress_bar(unit: str, total: int | None = None, done: int = 0) -> Iterator
                 else:
                     print(bar, file=sys.stderr, flush=True)
 
-    with (
-        open(os.devnull, "w", encoding="utf-8") as nowhere,
-        tqdm(
-            file=sys.stderr if on_terminal else nowhere,
-            # No bar in lines of text.
-            ncols=None if on_terminal else 0,
-        ) as bar,
-    ):
-        show_part(bar, done, total, unit)
-        ticker = threading.Thread(target=show, daemon=True)
-        ticker.start()
-        try:
-            yield bar
-        finally:
-            ended.set()
-            ticker.join()
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        # A bar that is made by half prints an error when it is discarded.
+        with hold_interrupts():
+            bar = tqdm(
+                file=sys.stderr if on_terminal else nowhere,
+                # No bar in lines of text.
+                ncols=None if on_terminal else 0,
+            )
+        with bar:
+            show_part(bar, done, total, unit)
+            ticker = threading.Thread(target=show, daemon=True)
+            ticker.start()
+            try:
+                yield bar
+            finally:
+                ended.set()
+                ticker.join()
 
 
 def show_part(bar: tqdm[Any], done: int, total: int | None, unit: str) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -21,6 +23,7 @@ from dicedesign.cli.main import main
 from dicedesign.results.folder import open_results_folder
 from dicedesign.runtime.checkpoint import is_checkpoint
 from dicedesign.runtime.interrupts import Interrupt, signals_interrupt
+from dicedesign.runtime.workers import progress_bar
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
@@ -109,17 +112,33 @@ def test_an_interrupt_that_a_library_turns_into_another_error(
 def test_an_interrupt_at_any_line_leaves_no_folder(tmp_path: Path) -> None:
     """A signal comes at each line that runs while a folder of results is opened."""
     line = 0
-    while signal_at_line(line, tmp_path / "new" / "die"):
+    modules = ("contextlib.py", "pathlib.py", "shutil.py")
+    folder = tmp_path / "new" / "die"
+    while signal_at_line(line, modules, lambda: open_results_folder(folder, ["die.stl"])):
         assert not (tmp_path / "new").exists(), f"after line {line}"
         line += 1
     assert line > 100
 
 
-def signal_at_line(line: int, folder: Path) -> bool:
-    """Open a folder of results with a signal at a line, counted from 0, of this product and of the
-    modules that it calls; return whether there was such a line before the folder was open."""
+def test_an_interrupt_at_any_line_leaves_no_broken_progress_bar(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A signal comes at each line that runs while a bar is made."""
+    line, broken = 0, list[object]()
+    monkeypatch.setattr(sys, "unraisablehook", broken.append)
+    while signal_at_line(line, ("std.py",), lambda: progress_bar("meshes", 7)):
+        gc.collect(0)
+        line += 1
+    assert line > 50
+    assert broken == []
+
+
+def signal_at_line(
+    line: int, modules: Sequence[str], enter: Callable[[], AbstractContextManager[object]]
+) -> bool:
+    """Enter a context with a signal at a line, counted from 0, of this product and of modules that
+    it calls; return whether there was such a line before it was entered."""
     lines = 0
-    modules = ("contextlib.py", "pathlib.py", "shutil.py")
 
     def trace(frame: FrameType, event: str, _: object) -> Callable[..., Any] | None:
         nonlocal lines
@@ -136,7 +155,7 @@ def signal_at_line(line: int, folder: Path) -> bool:
     with signals_interrupt():
         sys.settrace(trace)
         try:
-            with open_results_folder(folder, ["die.stl"]):
+            with enter():
                 sys.settrace(None)
                 raise KeyError
         except (Interrupt, KeyError) as error:
