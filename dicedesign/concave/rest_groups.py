@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from dicedesign.geometry.sphere import angle_between, norms
+from dicedesign.rest.outcomes import RARE_REST
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -31,9 +32,6 @@ GAP_PENALTY = 0.05
 
 PREFERRED_GAP = math.radians(25.0)
 """Angle between rests of different outcomes above which a larger one is not preferred."""
-
-SHOWN_PROBABILITY = 0.002
-"""Probability of a rest below which its angle to others does not matter."""
 
 
 def group_rests(poses: RestPoses, barrier: float) -> Integers:
@@ -69,7 +67,7 @@ def group_rests(poses: RestPoses, barrier: float) -> Integers:
 def outcome_gap(normals: Floats, probabilities: Floats, outcomes: Integers) -> float:
     """Least angle in radians between rests of different outcomes, of those that are not rare; pi
     without any. normals: (r, 3); probabilities, outcomes: (r,)."""
-    shown = probabilities > SHOWN_PROBABILITY
+    shown = probabilities > RARE_REST
     angles = angle_between(normals[shown][:, None], normals[shown][None])
     differs = outcomes[shown][:, None] != outcomes[shown]
     return float(angles[differs].min(initial=np.pi))
