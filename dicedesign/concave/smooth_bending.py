@@ -40,7 +40,7 @@ SINGULAR = 1e-9
 """Regularization of the metric, relative to its mean diagonal; and least compliance of the sums,
 relative to the largest."""
 
-STEPS = 80
+STEPS = 120
 """Maximum number of steps."""
 
 MAX_STEP = 0.01
