@@ -33,7 +33,11 @@ BARRIERS = (0.003, 0.001, 0.0003, 0.01)
 WAYS = 10
 """Maximum number of ways to share out the groups of each barrier."""
 
-BENT_TOLERANCE = 1e-9
+SIMILAR_ANGLE = math.radians(8.0)
+"""Angle between two rests below which they are one outcome at first: nobody tells apart what is
+nearer than `SAME_REST_ANGLE`, and bending turns rests. Later attempts may part them."""
+
+BENT_TOLERANCE = 1e-8
 """Largest |p - q| of a bent surface."""
 
 MAX_SHARES = 3
@@ -76,14 +80,15 @@ class BentAttempts:
         """Outcomes (r,) of the rests of the surface, in several ways."""
         points = self._bending.surface.points
         poses = analyze(convex_hull(points), np.zeros(3))
-        by_barrier = [
-            share_groups(poses, group_rests(poses, barrier), self.target, WAYS)
-            for barrier in BARRIERS
-        ]
         different = dict[bytes, Integers]()
-        for way in chain.from_iterable(zip_longest(*by_barrier)):
-            if way is not None:
-                different.setdefault(way.tobytes(), way)
+        for similar in (SIMILAR_ANGLE, 0.0):
+            by_barrier = [
+                share_groups(poses, group_rests(poses, barrier, similar), self.target, WAYS)
+                for barrier in BARRIERS
+            ]
+            for way in chain.from_iterable(zip_longest(*by_barrier)):
+                if way is not None:
+                    different.setdefault(way.tobytes(), way)
         return list(different.values())
 
     def attempt(self, number: int, best: FilledHull | None) -> FilledHull | None:

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from dicedesign.geometry.sphere import angle_between, norms
+from dicedesign.rest.outcomes import RARE_REST
 from dicedesign.rest.poses import RestPoses
 from dicedesign.runtime.arrays import Floats, Integers
 
@@ -32,15 +33,13 @@ GAP_PENALTY = 0.05
 PREFERRED_GAP = math.radians(25.0)
 """Angle between rests of different outcomes above which a larger one is not preferred."""
 
-SHOWN_PROBABILITY = 0.002
-"""Probability of a rest below which its angle to others does not matter."""
 
-
-def group_rests(poses: RestPoses, barrier: float) -> Integers:
+def group_rests(poses: RestPoses, barrier: float, similar: float = 0.0) -> Integers:
     """(r,) group of each rest, numbered from 0.
 
     barrier: rise of the center of mass from a group's lowest rest to its lowest saddle, in the unit
         of the body, up to which the group joins the one beyond.
+    similar: angle in radians between two rests, not rare ones, below which their groups are one.
 
     Source: persistence of a function's minima, as in Edelsbrunner, Letscher and Zomorodian,
     Topological persistence and simplification (2002).
@@ -62,6 +61,10 @@ def group_rests(poses: RestPoses, barrier: float) -> Integers:
         if deep != shallow and (is_low or probabilities[shallow] < LEAST_GROUP):
             parent[shallow] = deep
             probabilities[deep] += probabilities[shallow]
+    shown = np.flatnonzero(poses.probabilities > RARE_REST)
+    angles = angle_between(poses.normals[shown][:, None], poses.normals[shown])
+    for one, other in shown[np.argwhere(np.triu(angles < similar, 1))].tolist():
+        parent[root(other)] = root(one)
     roots = [root(rest) for rest in range(len(parent))]
     return np.asarray(np.unique(roots, return_inverse=True)[1])
 
@@ -69,7 +72,7 @@ def group_rests(poses: RestPoses, barrier: float) -> Integers:
 def outcome_gap(normals: Floats, probabilities: Floats, outcomes: Integers) -> float:
     """Least angle in radians between rests of different outcomes, of those that are not rare; pi
     without any. normals: (r, 3); probabilities, outcomes: (r,)."""
-    shown = probabilities > SHOWN_PROBABILITY
+    shown = probabilities > RARE_REST
     angles = angle_between(normals[shown][:, None], normals[shown][None])
     differs = outcomes[shown][:, None] != outcomes[shown]
     return float(angles[differs].min(initial=np.pi))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -40,7 +40,7 @@ SINGULAR = 1e-9
 """Regularization of the metric, relative to its mean diagonal; and least compliance of the sums,
 relative to the largest."""
 
-STEPS = 80
+STEPS = 120
 """Maximum number of steps."""
 
 MAX_STEP = 0.01
@@ -74,14 +74,12 @@ class BentSurface:
     ----------
     points: (n, 3) of the surface; center_of_mass: (3,), shifted by cavities.
     poses: rests; outcomes: (r,) outcome of each.
-    error: largest |p - q|.
     """
 
     points: Floats
     center_of_mass: Floats
     poses: RestPoses
     outcomes: Integers
-    error: float
 
     def sums(self, count: int) -> Floats:
         """(k,) probabilities of a number of outcomes."""
@@ -132,14 +130,20 @@ class SmoothBending:
     ) -> BentSurface | None:
         """Bend the surface until its outcomes have the target sums; None if steps stall.
 
-        outcomes: (r,) outcome of each rest of the surface, in the order of `poses`; target: (k,)
+        Sums have kinks wherever a path of steepest descent meets another edge, so exact slopes may
+        hold for tiny steps only. Slopes are therefore corrected by what steps find, and computed
+        anew only where this does not help.
+
+        outcomes: (r,) outcome of each rest of the surface, the most probable first; target: (k,)
         probabilities; tolerance: largest |p - q|. room: convex region of the shifts of the center
         of mass that cavities reach, around the origin; None for a solid die. on_step: receives the
         mean squared displacement and the largest |p - q| of each step.
+
+        Source: Broyden, A class of methods for solving nonlinear simultaneous equations (1965).
         """
         count = len(target)
         poses = analyze(convex_hull(self.surface.points), self.surface.centroid)
-        now = BentSurface(self.surface.points, self.surface.centroid, poses, outcomes, np.inf)
+        now = BentSurface(self.surface.points, self.surface.centroid, poses, outcomes)
         # Coefficients of the fields, and the shift in the last row.
         place = np.zeros((self.fields.shape[1] + 1, 3))
         error = float(np.abs(now.sums(count) - target).max())
@@ -147,10 +151,12 @@ class SmoothBending:
         for _ in range(STEPS):
             on_step(float(np.square(norms(self.fields @ place[:-1])).mean()), error)
             if error <= tolerance:
-                return replace(now, error=error)
+                return now
             sums = now.sums(count)
             step = self._least(slopes, target - sums, place, room) - place
             longest = max(float(norms(self.fields @ step[:-1]).max()), float(norms(step[-1])))
+            if longest == 0.0:
+                return None
             size = min(1.0, radius / longest)
             step = size * step
             trial = self._follow(now, place + step)
@@ -160,7 +166,6 @@ class SmoothBending:
             reached = trial.sums(count)
             found = float(np.abs(reached - target).max())
             if found > GOOD_STEP * error:
-                # Sums have kinks everywhere: correct the slopes by what the step has found.
                 along = self._weigh(step)
                 missed = reached - sums - np.einsum("kma,ma->k", slopes, step)
                 slopes = slopes + missed[:, None, None] * (along / (along * step).sum())
@@ -216,7 +221,7 @@ class SmoothBending:
             far = np.flatnonzero(angles.min(axis=1) > SAME_ANGLE)
             # Others have the outcome of the rest to which the body before rolls from there.
             rests[far] = before.poses.morse.basins_of(poses.normals[far])
-            return BentSurface(bent.points, center, poses, before.outcomes[rests], np.inf)
+            return BentSurface(bent.points, center, poses, before.outcomes[rests])
         return None
 
     def _slopes(self, now: BentSurface, count: int) -> Floats:

@@ -47,6 +47,12 @@ def test_rests_of_a_box_are_grouped_by_its_edges(barrier: float, groups: int) ->
         assert set(ends.tolist()) <= set(sides.tolist())
 
 
+@pytest.mark.parametrize(("similar", "groups"), [(89.0, 6), (91.0, 1)])
+def test_similar_rests_are_one_group(similar: float, groups: int) -> None:
+    """Neighboring faces of a box are at right angles."""
+    assert group_rests(brick(), 0.0, np.radians(similar)).max() + 1 == groups
+
+
 @pytest.fixture(scope="module")
 def surface() -> Surface:
     """Bumpy sphere with its center of mass at the origin and a diagonal of 1."""
