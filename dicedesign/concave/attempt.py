@@ -144,8 +144,8 @@ class Attempts:
             self.surface.with_points((self.surface.points - self.center) / self.radius),
             self.target,
             tolerance=DESIGN_SHARE * options.tolerance,
-            apart=math.radians(options.least_angles[0]),
-            margin=math.radians(options.least_angles[1]),
+            apart=math.radians(options.apart_deg),
+            margin=math.radians(options.margin_deg),
             clearance=CLEARANCE if options.hull == "gauss_newton" else 0.0,
             coarse=options.hull == "gauss_newton",
         )

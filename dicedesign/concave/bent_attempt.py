@@ -18,7 +18,7 @@ from dicedesign.concave.rest_groups import group_rests, share_groups
 from dicedesign.concave.result import FilledHull, JudgePrints, is_better, judge
 from dicedesign.concave.smooth_bending import BentSurface, SmoothBending
 from dicedesign.errors import InputError
-from dicedesign.geometry.hulls.hull import convex_hull
+from dicedesign.geometry.hulls.hull import ConvexHull, convex_hull
 from dicedesign.geometry.sphere import norms
 from dicedesign.geometry.surfaces.self_intersections import intersecting_triangles
 from dicedesign.geometry.triangles import Surface
@@ -76,10 +76,14 @@ class BentAttempts:
         )
 
     @cached_property
+    def _rooms(self) -> dict[float, ConvexHull]:
+        """Regions of the shifts of the center of mass that cavities reach, by the share of it."""
+        return {}
+
+    @cached_property
     def ways(self) -> list[Integers]:
         """Outcomes (r,) of the rests of the surface, in several ways."""
-        points = self._bending.surface.points
-        poses = analyze(convex_hull(points), np.zeros(3))
+        poses = self._bending.poses
         different = dict[bytes, Integers]()
         for similar in (SIMILAR_ANGLE, 0.0):
             by_barrier = [
@@ -100,11 +104,13 @@ class BentAttempts:
         from dicedesign.balance.cavity import balancing_cavity, reach
 
         unit, share = self._bending.surface, SAFE_REACH
-        for _ in range(1 if self.wall is None else MAX_SHARES):
-            room = wall = None
-            if self.wall is not None:
-                wall = self.wall * convex_hull(unit.points).diameter
-                room = reach(unit, wall, share)
+        wall = None if self.wall is None else self.wall * self._bending.poses.hull.diameter
+        for _ in range(1 if wall is None else MAX_SHARES):
+            room = None
+            if wall is not None:
+                if share not in self._rooms:
+                    self._rooms[share] = reach(unit, wall, share)
+                room = self._rooms[share]
             bent = self._bending.bend(
                 self.ways[number - 1],
                 self.target,

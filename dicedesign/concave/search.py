@@ -141,12 +141,13 @@ def make_concave_die(
             return done >= PATIENCE * options.enough
         return best.draft.displacement <= options.displacement or done >= options.enough
 
-    shared = surface, target, options
-    attempts: Attempts | BentAttempts = Attempts(*shared, seed, record, wall, judge_prints)
+    attempts: Attempts | BentAttempts
     most = options.attempts
     if options.rests == "several":
-        attempts = BentAttempts(*shared, record, wall, judge_prints)
+        attempts = BentAttempts(surface, target, options, record, wall, judge_prints)
         most = min(most, len(attempts.ways))
+    else:
+        attempts = Attempts(surface, target, options, seed, record, wall, judge_prints)
     with one_thread():
         if progress.best is not None:
             # The size or the printer may be others.

@@ -93,6 +93,11 @@ class SmoothBending:
     surface: Surface
 
     @cached_property
+    def poses(self) -> RestPoses:
+        """Rests of the surface before it is bent."""
+        return analyze(convex_hull(self.surface.points), self.surface.centroid)
+
+    @cached_property
     def fields(self) -> Floats:
         """(n, m) Gaussians at the points."""
         return np.asarray(np.exp(-self._squares))
@@ -134,7 +139,7 @@ class SmoothBending:
         hold for tiny steps only. Slopes are therefore corrected by what steps find, and computed
         anew only where this does not help.
 
-        outcomes: (r,) outcome of each rest of the surface, the most probable first; target: (k,)
+        outcomes: (r,) outcome of each of `poses`; target: (k,)
         probabilities; tolerance: largest |p - q|. room: convex region of the shifts of the center
         of mass that cavities reach, around the origin; None for a solid die. on_step: receives the
         mean squared displacement and the largest |p - q| of each step.
@@ -142,8 +147,7 @@ class SmoothBending:
         Source: Broyden, A class of methods for solving nonlinear simultaneous equations (1965).
         """
         count = len(target)
-        poses = analyze(convex_hull(self.surface.points), self.surface.centroid)
-        now = BentSurface(self.surface.points, self.surface.centroid, poses, outcomes)
+        now = BentSurface(self.surface.points, self.surface.centroid, self.poses, outcomes)
         # Coefficients of the fields, and the shift in the last row.
         place = np.zeros((self.fields.shape[1] + 1, 3))
         error = float(np.abs(now.sums(count) - target).max())

@@ -45,10 +45,10 @@ def design_concave(work: Work) -> Design:
     """
     recipe, surface, options = work.recipe, work.surface, work.recipe.method.options
     assert surface is not None
-    target = work.target.face_probabilities
+    target, of_face = work.target.face_probabilities, work.target.outcome_of_face
     is_shared = options.rests == "several"
     if is_shared:
-        target = work.target.probabilities
+        target, of_face = work.target.probabilities, np.arange(len(work.target.labels))
     size = {} if options.hollow is None else {"size_mm": recipe.size_mm}
     choices = {name: value for name, value in asdict(options).items() if name not in STOP_OPTIONS}
     # Searches with equal texts are identical, but for the size and the printer by which prints are
@@ -91,7 +91,7 @@ def design_concave(work: Work) -> Design:
             np.eye(3),
             errors.correlation_mm,
             is_flat=False,
-            outcome_of=outcome_of if is_shared else work.target.outcome_of_face,
+            outcome_of=of_face[outcome_of],
             within=within,
         )
         worst = 0.0
@@ -124,13 +124,9 @@ def design_concave(work: Work) -> Design:
     center = None if die.hollow is None else die.hollow.center_of_mass
     poses = rest_poses(die.after, center)
     if is_shared:
-        labels, wanted = np.array(work.target.labels, dtype=object), work.target.probabilities
-        outcomes = outcome_probabilities(poses, die.directions, die.outcome_of, within)
-        main = outcomes.main
-        shares = np.where(main >= 0, poses.probabilities[main], 0.0)
-        sums = np.bincount(die.outcome_of, shares, len(wanted))
-        shares *= (wanted / np.maximum(sums, np.finfo(np.float64).tiny))[die.outcome_of]
-        work.target = Target(tuple(labels[die.outcome_of].tolist()), shares)
+        labels = tuple(work.target.labels[outcome] for outcome in die.outcome_of)
+        shares = target / np.bincount(die.outcome_of)
+        work.target = Target(labels, shares[die.outcome_of])
     work.search = Search(
         attempts=progress.attempts,
         seconds=progress.seconds,
@@ -141,9 +137,7 @@ def design_concave(work: Work) -> Design:
         status=Status.UNCHANGED if best is None else Status.CONVERGED,
         hull=die.hull,
         directions=die.directions,
-        error=outcome_probabilities(
-            poses, die.directions, die.outcome_of if is_shared else None, within
-        ).error(target),
+        error=outcome_probabilities(poses, die.directions, die.outcome_of, within).error(target),
         steps=progress.history,
         reshaped=die,
         outcome_of=work.target.outcome_of_face,

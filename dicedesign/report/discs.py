@@ -11,11 +11,9 @@ import numpy as np
 from contourpy import contour_generator
 from numpy.typing import NDArray
 
-from dicedesign.geometry.hulls.hull import ConvexHull
 from dicedesign.geometry.sphere import norms, unit_vectors
 from dicedesign.report.paper import GAP, PAGE_WIDTH, POINTS
 from dicedesign.rest.poses import RestPoses
-from dicedesign.rest.tracing import slide
 from dicedesign.runtime.arrays import Floats, Integers
 
 MAP_TOP = 16.0
@@ -29,9 +27,6 @@ MAP_PIXELS = 345
 
 FINER = 3
 """Parts of the side of a pixel at the border of a basin, to find the border within the pixel."""
-
-CHUNK = 20_000
-"""Number of directions that are followed at a time, to limit memory."""
 
 
 def disc_radius(width: float) -> float:
@@ -131,36 +126,6 @@ def place_discs(poses: RestPoses, width: float = PAGE_WIDTH) -> tuple[Disc, Disc
     )
 
 
-def lowest_corners(hull: ConvexHull, directions: Floats) -> Integers:
-    """Lowest corners (k,) of a hull if directions (k, 3) point down."""
-    lowest = np.empty(len(directions), dtype=np.int64)
-    arms = hull.vertices - hull.centroid
-    for start in range(0, len(directions), CHUNK):
-        part = directions[start : start + CHUNK]
-        lowest[start : start + CHUNK] = np.argmax(part @ arms.T, axis=1)
-    return lowest
-
-
-def basin_of_directions(
-    poses: RestPoses, directions: Floats, lowest: Integers | None = None
-) -> Integers:
-    """Rest (k,) that is reached from each direction, as an index into `poses`.
-
-    directions: (k, 3) unit vectors that point down in the body's frame; lowest: (k,) corners by
-    `lowest_corners`, which do not depend on the center of mass, or None to compute them.
-    """
-    equilibria = poses.morse.equilibria
-    if lowest is None:
-        lowest = lowest_corners(equilibria.hull, directions)
-    rests = np.empty(len(directions), dtype=np.int64)
-    for start in range(0, len(directions), CHUNK):
-        part = slice(start, start + CHUNK)
-        exact = np.zeros(len(directions[part]))
-        facets, _ = slide(equilibria, lowest[part], directions[part], exact)
-        rests[part] = poses.morse.basin_of_facet[facets]
-    return rests
-
-
 @dataclass(frozen=True, eq=False)
 class DiscBasins:
     """Basins on a disc of radius 1.
@@ -189,13 +154,13 @@ def _trace_basins(poses: RestPoses, disc: Disc) -> DiscBasins:
     centers = (2.0 * np.arange(MAP_PIXELS) + 1.0) / MAP_PIXELS - 1.0
     points = np.stack(np.meshgrid(centers, centers), axis=-1)
     directions = disc.directions(points)
-    rests = basin_of_directions(poses, directions.reshape(-1, 3)).reshape(len(points), -1)
+    rests = poses.morse.basins_of(directions.reshape(-1, 3)).reshape(len(points), -1)
     # A pixel at a border belongs in part to either side.
     at_border = border_pixels(rests)
     parts = (np.arange(FINER) - (FINER - 1) / 2.0) * 2.0 / (FINER * MAP_PIXELS)
     shifts = np.stack(np.meshgrid(parts, parts), axis=-1).reshape(-1, 2)
     finer = disc.directions(points[at_border][:, None] + shifts)
-    finer_rests = basin_of_directions(poses, finer.reshape(-1, 3)).reshape(-1, len(shifts))
+    finer_rests = poses.morse.basins_of(finer.reshape(-1, 3)).reshape(-1, len(shifts))
     padded = np.concatenate(
         [centers[:1] - 2.0 / MAP_PIXELS, centers, centers[-1:] + 2.0 / MAP_PIXELS]
     )

@@ -119,7 +119,8 @@ FIGURES = Registry(
             _is_reshaped,
             "the die at rest after each outcome",
             "The die at rest after each outcome",
-            "Above, the die on a table, with the outcome and its probability. Below, its "
+            "Above, the die on a table, with the outcome and its probability; where outcomes have "
+            "several poses, with the probability of the pose and those like it. Below, its "
             "underside, seen when the die is tipped backward. The colored places touch the table: "
             "facets of its convex hull, in the color of their outcome.",
             part="reading",

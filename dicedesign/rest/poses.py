@@ -30,7 +30,6 @@ from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.tolerances import (
     CLOSURE_TOLERANCE,
     NOTED_ROUNDING,
-    ROUNDING,
     VOLUME_TOLERANCE,
     WARP_TOLERANCE,
 )
@@ -81,6 +80,10 @@ UNEVEN = (
 """Note on a body whose merged facets could not be distinguished where it mattered."""
 
 
+MAX_DIRECTIONS = 20_000
+"""Maximum number of directions that are followed at a time, to limit memory."""
+
+
 @dataclass(frozen=True)
 class MorseComplex:
     """The Morse-Smale complex of the support function on the Gauss sphere.
@@ -125,9 +128,13 @@ class MorseComplex:
 
     def basins_of(self, directions: Floats) -> Integers:
         """(m,) the rest to which the body rolls from each unit down direction (m, 3)."""
-        lowest = (self.equilibria.radii @ directions.T).argmax(axis=0)
-        errors = np.full(len(directions), ROUNDING)
-        return self.basin_of_facet[slide(self.equilibria, lowest, directions, errors)[0]]
+        rests = np.empty(len(directions), dtype=np.int64)
+        for start in range(0, len(directions), MAX_DIRECTIONS):
+            part = directions[start : start + MAX_DIRECTIONS]
+            lowest = (part @ self.equilibria.radii.T).argmax(axis=1)
+            facets, _ = slide(self.equilibria, lowest, part, np.zeros(len(part)))
+            rests[start : start + MAX_DIRECTIONS] = self.basin_of_facet[facets]
+        return rests
 
     @cached_property
     def basin_of_facet(self) -> Integers:

@@ -10,7 +10,6 @@ import numpy as np
 
 from dicedesign.errors import InputError
 from dicedesign.geometry.sphere import unit_vectors
-from dicedesign.report.discs import basin_of_directions
 from dicedesign.results.parts import ThrowForecast
 from dicedesign.runtime.arrays import Floats, Integers
 from dicedesign.throws.goodness_of_fit import chi_square
@@ -50,7 +49,7 @@ def throw_body(viewed: ViewedBody, query: Mapping[str, Any]) -> dict[str, Any]:
     if table is None:
         downs = unit_vectors(rng.normal(size=(count, 3)))
         motion, last = release_motion(poses, downs[-1])
-        rests = np.append(basin_of_directions(poses, downs[:-1]), last)
+        rests = np.append(poses.morse.basins_of(downs[:-1]), last)
         counts = np.bincount(rests, minlength=len(poses.facets))
     else:
         if table not in TABLE_NAMES:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -197,3 +198,22 @@ def test_each_outcome_has_a_main_rest_with_a_label(die: Result) -> None:
 def test_the_paper_has_one_rest_for_an_outcome() -> None:
     with pytest.raises(InputError, match="rests: expected one with hull: paper"):
         ConcaveOptions(rests="several", hull="paper")
+
+
+def test_more_outcomes_than_groups_leave_the_surface_and_the_target(tmp_path: Path) -> None:
+    given = bumpy_sphere(2)
+    write_mesh(tmp_path / "ball.obj", given.points, given.triangles)
+    recipe = {
+        "name": "many",
+        "target": {"fair": 40},
+        "start": {"mesh": {"path": str(tmp_path / "ball.obj")}},
+        "method": {"concave": {"rests": "several"}},
+        "print": None,
+        "figures": False,
+        "report": False,
+    }
+    result = run(recipe, tmp_path / "die")
+    assert result.status == "unchanged"
+    np.testing.assert_allclose(result.target, 1.0 / 40.0)
+    assert result.concave is not None
+    assert result.concave.displacement.largest == 0.0

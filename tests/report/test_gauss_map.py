@@ -10,7 +10,7 @@ from matplotlib.path import Path
 
 from dicedesign.errors import InputError
 from dicedesign.palette import BLANK, luminance, outcome_colors
-from dicedesign.report.discs import basin_of_directions, basin_outlines
+from dicedesign.report.discs import basin_outlines
 from dicedesign.report.gauss_map import (
     gauss_map,
     heights,
@@ -133,7 +133,7 @@ def test_unsuitable_arguments_are_refused() -> None:
 def test_each_direction_is_in_the_outline_of_its_rest_alone(name: str) -> None:
     poses = body(name)
     directions = random_directions(1500, 4)
-    rests = basin_of_directions(poses, directions)
+    rests = poses.morse.basins_of(directions)
     is_within = np.zeros((len(directions), len(poses.facets)), dtype=bool)
     for disc, outlines in basin_outlines(poses):
         on_disc = disc.heights(directions) >= 0.0
